@@ -10,8 +10,7 @@ import pytest
 
 from hapticeval.discovery import own_renderers
 from hapticeval.runner.execution import execute
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import plan
+from hapticeval.runner.planning import RunOptions, plan
 
 DIRECT = (sys.executable, "-c")
 

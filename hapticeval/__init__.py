@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hapticeval.recordings.hdf5 import read_recording
     from hapticeval.recordings.recording import Recording
     from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
-    from hapticeval.runner.options import RunOptions
+    from hapticeval.runner.planning import RunOptions
     from hapticeval.runner.results import results_schema
     from hapticeval.scene import Scene
     from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
@@ -61,7 +61,7 @@ _LAZY = {
     "RendererFactory": "hapticeval.renderer",
     "Response": "hapticeval.renderer",
     "Results": "hapticeval.api",
-    "RunOptions": "hapticeval.runner.options",
+    "RunOptions": "hapticeval.runner.planning",
     "Runs": "hapticeval.phenomena.check",
     "Scene": "hapticeval.scene",
     "Spring": "hapticeval.renderer",

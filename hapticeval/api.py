@@ -21,8 +21,7 @@ from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepared_folder
 from hapticeval.runner.known import Known, read_known
 from hapticeval.runner.known import write_known as write_listed
-from hapticeval.runner.options import RunOptions, as_tuple
-from hapticeval.runner.planning import Plan, plan
+from hapticeval.runner.planning import Plan, RunOptions, as_tuple, plan
 from hapticeval.runner.results import (
     RESULTS_FILE,
     ResultsDocument,

@@ -31,8 +31,7 @@ from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Batch, CompiledStep, Renderer, abilities_of
 from hapticeval.runner.folder import prepared_folder
 from hapticeval.runner.judging import make_renderer
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import Job, plan
+from hapticeval.runner.planning import Job, RunOptions, plan
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels

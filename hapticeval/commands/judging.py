@@ -413,7 +413,7 @@ def _replay_path(
     """Judge renderers along the recorded path, print the summary, and return the exit code."""
     from hapticeval.api import carry_out
     from hapticeval.replay.job import describe_differences, prepare_replay, replay_plan
-    from hapticeval.runner.options import RunOptions
+    from hapticeval.runner.planning import RunOptions
 
     # One run for each renderer, beside the recorded one.
     planned = replay_plan(replay_case, renderers, RunOptions(output=directory, seed=seed))

@@ -23,8 +23,7 @@ from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, 
 from hapticeval.replay.subject import REPLAY_SUITE, ReplayCase
 from hapticeval.runner import results
 from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
-from hapticeval.runner.options import DEFAULT_OPTIONS, RunOptions
-from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.planning import DEFAULT_OPTIONS, Job, Plan, RunOptions
 from hapticeval.runner.work import JudgedJob, seed_all, store_recording
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite

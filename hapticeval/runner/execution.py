@@ -18,15 +18,13 @@ from hapticeval.extras import install_command
 from hapticeval.files import replacing
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
 from hapticeval.runner.resuming import Outcomes
 from hapticeval.runner.work import (
     Work,
-    carry_out_afar,
-    carry_out_here,
+    carry_out,
     derived_seed,
     outcome_of_ended,
     outcome_of_overdue,
@@ -219,10 +217,11 @@ def _crew(work: Work, plan: Plan) -> Crew[JobAndFile]:
     """Return the crew that does the jobs of a plan; workers of a cluster must have all files of its cases."""
     options = plan.options
     if options.scheduler is None:
-        return crew_of(partial(carry_out_here, work), default_workers() if options.workers is None else options.workers)
+        workers = default_workers() if options.workers is None else options.workers
+        return crew_of(partial(carry_out, work, afar=False), workers)
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return crew_of(partial(carry_out_afar, work), 0, options.scheduler, timeout=options.timeout, files=files)
+    return crew_of(partial(carry_out, work, afar=True), 0, options.scheduler, timeout=options.timeout, files=files)
 
 
 def crew_of(

@@ -12,7 +12,7 @@ import msgspec
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
-from hapticeval.runner.options import Shard
+from hapticeval.runner.planning import Shard
 from hapticeval.runner.progress import fill_table, timing
 from hapticeval.runner.results import (
     Command,

@@ -22,7 +22,7 @@ import numpy as np
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
-from hapticeval.errors import RefusalError, RendererError, place_in_stack
+from hapticeval.errors import RendererError, place_in_stack
 from hapticeval.files import digest_of, file_stem, plain
 from hapticeval.recordings.hdf5 import recording_bytes, write_recording
 from hapticeval.recordings.recording import Recording
@@ -116,19 +116,17 @@ def scene_document(scene: Scene) -> Mapping[str, Any]:
     }
 
 
-def carry_out_here(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
-    """Do a job on the machine of the result folder: its recording is in that folder afterwards."""
-    with _warnings_collected() as text_by_place:
-        judged, file = work(job, directory, seed)
-    return outcome_of(job, judged, file, text_by_place), None
+def carry_out(
+    work: Work, job: Job, directory: Path | None, seed: int, *, afar: bool
+) -> tuple[JobFinished, bytes | None]:
+    """Do a job; its recording is in the result folder afterwards.
 
-
-def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
-    """Do a job on a machine that may not see the result folder: its recording's file travels along, as bytes."""
+    A machine `afar` may not see that folder: from there the recording's file travels along, as bytes.
+    """
     with _warnings_collected() as text_by_place:
-        judged, _ = work(job, None, seed)
-    if directory is None or judged.recording is None:
-        return outcome_of(job, judged, None, text_by_place), None
+        judged, file = work(job, None if afar else directory, seed)
+    if not afar or directory is None or judged.recording is None:
+        return outcome_of(job, judged, file, text_by_place), None
     content = recording_bytes(judged.recording)
     return outcome_of(job, replace(judged, recording=None), recording_file(job), text_by_place), content
 
@@ -210,7 +208,8 @@ def _alone(job: Job) -> str:
 
 def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
     """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
-    case, error = job.case, judged.error
+    case, error, refusal = job.case, judged.error, judged.refusal
+    position = None if refusal is None or refusal.position is None else [float(x) for x in refusal.position]
     return RunEntry(
         suite=job.suite,
         case=case.name,
@@ -229,7 +228,7 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         closed_form=judged.closed_form,
         ended=None if judged.ended is None else Ended(**judged.ended),
         error=None if error is None else Problem.of(error),
-        refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
+        refusal=None if refusal is None else Refusal.of(refusal, position=position),
         replay=judged.replay,
         step_seconds=judged.step_seconds,
     )
@@ -241,10 +240,6 @@ def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
         return dict(model)
     # The folder is this machine's. Name and digest tell the file on any other.
     return {**model, "file": Path(model["file"]).name, "sha256": digest_of(Path(model["file"]))}
-
-
-def _position(refusal: RefusalError) -> list[float] | None:
-    return None if refusal.position is None else [float(coordinate) for coordinate in refusal.position]
 
 
 def _scene(case: Case) -> SceneEntry:

@@ -23,8 +23,7 @@ from hapticeval.replay.job import merge_findings, prepare_replay, replay_plan
 from hapticeval.replay.subject import make_replay_case
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import plan
+from hapticeval.runner.planning import RunOptions, plan
 from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play

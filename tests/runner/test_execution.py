@@ -18,8 +18,7 @@ from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.runner import execution
 from hapticeval.runner.events import AtWork, Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import plan
+from hapticeval.runner.planning import RunOptions, plan
 from hapticeval.runner.results import read_results
 
 MODULE = """

@@ -16,8 +16,7 @@ from hapticeval import api
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError, InputError, NothingSelectedError
 from hapticeval.runner.merging import merge_results
-from hapticeval.runner.options import Shard
-from hapticeval.runner.planning import Job
+from hapticeval.runner.planning import Job, Shard
 from hapticeval.runner.results import Command, Environment, SuiteEntry, read_results
 from hapticeval.suite.case import Case
 

@@ -12,8 +12,7 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import plan
+from hapticeval.runner.planning import RunOptions, plan
 from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.runner.results import Robot, read_results
 from hapticeval.suite.case import Case

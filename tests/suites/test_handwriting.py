@@ -11,8 +11,7 @@ from hapticeval.discovery import own_renderers
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.execution import execute
-from hapticeval.runner.options import RunOptions
-from hapticeval.runner.planning import plan
+from hapticeval.runner.planning import RunOptions, plan
 
 STROKE = FilePath(__file__).parents[3] / "shared" / "data" / "handwriting_svc" / "signal.svc"
 
