@@ -112,12 +112,14 @@ class Overdue(Exception):
     """The process that worked on a call was killed: it took longer than it was given.
 
     `stack` holds file, line and function of its frames then, outermost first, below the call; it is empty where the
-    system cannot tell.
+    system cannot tell. `pending_step` is that of `Ended`.
     """
 
-    def __init__(self, stack: tuple[Frame, ...] = ()) -> None:
-        super().__init__(stack)
-        self.stack = stack
+    def __init__(
+        self, stack: tuple[Frame, ...] = (), pending_step: tuple[int, tuple[float, ...]] | None = None
+    ) -> None:
+        super().__init__(stack, pending_step)
+        self.stack, self.pending_step = stack, pending_step
 
 
 class LostError(HapticevalError):
@@ -366,7 +368,7 @@ class Workers(Generic[T]):
         until = time.monotonic() + STACK_PATIENCE
         given_up: list[Answer[T]] = []
         for number, worker in workers.items():
-            given_up.append(Answer(number, None, Overdue(worker.stack(until))))
+            given_up.append(Answer(number, None, Overdue(worker.stack(until), unanswered_step(worker.pending_step))))
             worker.end(0.0)
         return given_up
 

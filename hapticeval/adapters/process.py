@@ -37,9 +37,15 @@ from hapticeval.workers import describe_exit
 VERSION = 1
 """Version of the protocol."""
 
+STARTING = ("hello", "scene")
+"""Calls with which a process begins."""
+
 START_PATIENCE, ANSWER_PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
 """Seconds that a child has for its hello, while a large program loads; for another answer; and more for each tick of a
 path."""
+
+HUNG_PATIENCE = 2.0
+"""Seconds for an answer once a process of that command has hung, or twice its longest answer. *Chosen*."""
 
 GRACE = 1.0
 """Seconds that a child has to end after bye."""
@@ -51,11 +57,28 @@ EXCERPT_LENGTH = 300
 """Characters of an odd answer, and of what the child wrote to stderr, that an error shows."""
 
 
+@dataclass
+class Patience:
+    """How long the processes of one command are waited for: less once one has hung, else every case would take minutes.
+
+    `longest_answer` is the time (s) of the longest answer so far, of those to hello and scene apart.
+    """
+
+    has_hung: bool = False
+    longest_answer: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds for an answer."""
+        return min(ANSWER_PATIENCE, max(HUNG_PATIENCE, 2.0 * self.longest_answer)) if self.has_hung else ANSWER_PATIENCE
+
+
 class Child:
     """A process that answers messages. It ends with the process that made it, where the system offers that."""
 
-    def __init__(self, command: tuple[str, ...]) -> None:
+    def __init__(self, command: tuple[str, ...], patience: Patience) -> None:
         self.command = shlex.join(command)
+        self._patience = patience
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
         try:
             self._process = subprocess.Popen(
@@ -99,7 +122,8 @@ class Child:
         self._id += 1
         # NaN and Infinity are Python's, and no JSON: a number that is missing is null, see `_plain`.
         message = json.dumps({"id": self._id, "call": call, **entries}, allow_nan=False).encode() + b"\n"
-        deadline = time.monotonic() + patience
+        begun = time.monotonic()
+        deadline = begun + patience
         while True:
             line = self._exchange(message, call, deadline, patience, most_bytes)
             # It is written by now: further turns only read on.
@@ -118,6 +142,8 @@ class Child:
                     why=f"an answer is one line: a JSON object with the message's id, here {self._id}",
                     todo="print nothing else to stdout, and flush after each line; notes go to stderr",
                 )
+        if call not in STARTING:
+            self._patience.longest_answer = max(self._patience.longest_answer, time.monotonic() - begun)
         if "error" in answer:
             self.fail(f"reports an error in '{call}': {_excerpt(answer['error'])}")
         return answer
@@ -131,9 +157,11 @@ class Child:
             while b"\n" not in self._pending:
                 seconds_left = deadline - time.monotonic()
                 if seconds_left <= 0.0:
+                    less = "; it has less time since one hung before" if self._patience.has_hung else ""
+                    self._patience.has_hung = True
                     self.fail(
                         f"gives no answer to '{call}' in {patience:.3g} s",
-                        why="it hangs, is too slow, or keeps its answer in a buffer",
+                        why=f"it hangs, is too slow, or keeps its answer in a buffer{less}",
                         todo="write a line for each message, and flush stdout after it",
                     )
                 for key, _ in ready.select(seconds_left):
@@ -255,6 +283,7 @@ class ProcessFactory:
 
     command: tuple[str, ...]
     hello: Hello = field(repr=False)
+    patience: Patience = field(default_factory=Patience, repr=False, compare=False)
 
     @property
     def summary(self) -> str:
@@ -268,7 +297,7 @@ class ProcessFactory:
 
     def __call__(self, scene: Scene) -> ProcessRenderer:
         """Start a process for a scene."""
-        return ProcessRenderer(self.command, self.hello, scene)
+        return ProcessRenderer(self, scene)
 
 
 def process(command: str) -> ProcessFactory:
@@ -286,7 +315,7 @@ def process(command: str) -> ProcessFactory:
 def _hello_of(command: tuple[str, ...]) -> Hello:
     """Start a command once to have its hello. Raises `InputError`."""
     try:
-        return _say_hello(Child(command))
+        return _say_hello(Child(command, Patience()))
     except RendererError as error:
         raise InputError(error.what, why=error.why, todo=error.todo or "see docs/outside-renderers.md") from error
 
@@ -348,8 +377,13 @@ class ProcessRenderer:
     not say.
     """
 
-    def __init__(self, command: tuple[str, ...], hello: Hello, scene: Scene) -> None:
-        self._command, self._outside = command, Outside(scene, hello.max_error)
+    def __init__(self, factory: ProcessFactory, scene: Scene) -> None:
+        hello = factory.hello
+        self._command, self._patience, self._outside = (
+            factory.command,
+            factory.patience,
+            Outside(scene, hello.max_error),
+        )
         self.contact: bool | BoolArray | None = None
         self._child, answer = self._start()
         lengths = _read_lengths(self._child, answer, "standoff", "resolution")
@@ -363,7 +397,7 @@ class ProcessRenderer:
     def _start(self) -> tuple[Child, dict[str, Any]]:
         """Start a process, give it the scene, and return it with its answer to that."""
         scene, facets = self._outside.scene, self._outside.facets
-        child = Child(self._command)
+        child = Child(self._command, self._patience)
         _say_hello(child)
         answer = child.ask(
             "scene",
@@ -392,13 +426,13 @@ class ProcessRenderer:
         if self._child.has_failed:
             self._child, _ = self._start()
         tool = self._outside.tool(hip, self._margin)
-        self._check_refusal(self._child.ask("reset", ANSWER_PATIENCE, hip=_plain(hip), tool=_plain(tool)), hip)
+        self._check_refusal(self._child.ask("reset", self._patience.seconds, hip=_plain(hip), tool=_plain(tool)), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         entries: dict[str, Any] = {"hip": _plain(hip), "velocity": _plain(np.asarray(velocity)), "dt": float(dt)}
-        answer = self._child.ask("step", ANSWER_PATIENCE, **entries)
+        answer = self._child.ask("step", self._patience.seconds, **entries)
         self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
@@ -433,7 +467,8 @@ class ProcessRenderer:
     def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
         """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
         # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
-        patience, most_bytes = ANSWER_PATIENCE + TICK_PATIENCE * len(hips), ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
+        patience = self._patience.seconds + TICK_PATIENCE * len(hips)
+        most_bytes = ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
         entries = {"hips": _plain(hips), "velocities": _plain(velocities), "dt": float(dt)}
         answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)
         self._check_refusal(answer, hips[0])

@@ -193,9 +193,12 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
 
 def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
     """Return the outcome of a job that took longer than so many seconds and was ended: errors."""
+    tick, hip = how.pending_step or (None, None)
     place = place_in_stack(how.stack)
     error = RendererError(
         f"the renderer was ended after {seconds:g} s in this case",
+        tick=tick,
+        hip=hip,
         why=f"it hangs, or takes longer than --timeout{place and f': it was {place}'}",
         todo=f"give it more time with --timeout, or {_alone(job)}",
     )

@@ -197,6 +197,32 @@ def test_after_a_child_that_was_ended_a_reset_starts_another(refused: Refusals, 
     np.testing.assert_array_equal(renderer.step(np.ones(2), np.zeros(2), DT).force, [1.0, 2.0])
 
 
+def test_after_a_child_that_hung_others_have_less_time(
+    refused: Refusals, command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(adapter, "ANSWER_PATIENCE", 1.0)
+    monkeypatch.setattr(adapter, "HUNG_PATIENCE", 0.5)
+    factory = resolve(
+        command(step="time.sleep(60) if m['hip'][0] > 0 else say(id=id, ihip=m['hip'], force=[1.0, 2.0])")
+    )
+    less_time = []
+    # Two of one factory: a check may have another renderer made, on the model turned.
+    for renderer in (make_renderer(factory, LINE), make_renderer(factory, LINE)):
+        renderer.reset(np.zeros(2))
+        assert renderer.step(np.zeros(2), np.zeros(2), DT).force[0] == 1.0
+        with pytest.raises(RendererError) as raised:
+            renderer.step(np.ones(2), np.zeros(2), DT)
+        less_time.append("it has less time since one hung before" in raised.value.why)
+    assert less_time == [False, True]
+
+
+def test_a_process_that_has_hung_is_waited_for_as_long_as_two_of_its_longest_answers() -> None:
+    assert adapter.Patience().seconds == adapter.ANSWER_PATIENCE
+    assert adapter.Patience(has_hung=True).seconds == adapter.HUNG_PATIENCE
+    assert adapter.Patience(has_hung=True, longest_answer=3.0).seconds == 6.0
+    assert adapter.Patience(has_hung=True, longest_answer=15.0).seconds == adapter.ANSWER_PATIENCE
+
+
 @pytest.mark.parametrize(
     ("missing", "drop_out"),
     [("say(id=id, refuse='no hand')", "pass"), ("sys.exit(3)", "fail"), ("say(id=id, error='no hand')", "fail")],

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from hapticeval import workers
+from hapticeval.pulse import note_pending
 from hapticeval.workers import Answer, Ended, Overdue, Workers
 
 
@@ -33,6 +34,9 @@ def act(what, *more):
     if what == "pid":
         return os.getpid()
     if what == "wait":
+        time.sleep(3600.0)
+    if what == "hang":
+        note_pending(*more)
         time.sleep(3600.0)
     if what == "spin":
         while True:
@@ -141,6 +145,15 @@ def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
         assert crew.busy == 0
         crew.begin(1, "double", 4)
         assert answered(crew, 1)[1].value == 8
+
+
+def test_a_call_that_is_given_up_tells_the_step_that_was_asked_for():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "hang", 7, (0.01, 0.02))
+        assert crew.answers(0.5) == []
+        while not (given_up := crew.give_up(0.05)):
+            assert crew.answers(0.05) == []
+    assert given_up[0].error.pending_step == (7, (0.01, 0.02))
 
 
 def test_several_late_calls_show_their_stacks_in_the_time_of_one(monkeypatch):
