@@ -122,9 +122,8 @@ def agree(place: Place, row: Row, close: float, rounding: float) -> None:
     """Assert that a row has the numbers that are recorded of its place, where it is; those that are new may be."""
     if place in recorded():
         before = recorded()[place].numbers
-        if (
-            0.0 < abs(before.get("metric", 0.0)) <= recorded()[place].least_metric
-        ):  # the first of equal zeros is the same anywhere
+        # Of a metric that is rounding another place is the worst elsewhere; the first of equal zeros is the same anywhere.
+        if 0.0 < abs(before.get("metric", 0.0)) <= recorded()[place].least_metric:
             assert not row.tells, place
             before = {name: number for name, number in before.items() if name == "bound"}
         numbers = {name: row.numbers.get(name) for name in before}
