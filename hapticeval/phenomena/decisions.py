@@ -52,6 +52,11 @@ the usual 200 mm.
 
 *Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it."""
 
+TIE_SHARE = 1e-9
+"""Share by which two equally bad places may differ by rounding: the first of them is named.
+
+*Chosen*, four million roundings: doubled, no outcome changes, for it decides where to look alone."""
+
 # lag
 
 LAG_STEPS = 4 * LAG_TICKS

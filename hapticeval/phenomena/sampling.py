@@ -17,6 +17,7 @@ from hapticeval.phenomena.decisions import (
     LAG_TICKS,
     PLACE_ROUNDING,
     SINGLE_ROUNDINGS,
+    TIE_SHARE,
 )
 from hapticeval.quantity import format_number
 from hapticeval.recordings.channels import SIMULATED
@@ -170,6 +171,15 @@ def hip_step(recording: Recording, scene: Scene) -> float:
     return float((pressed if pressed.size else steps).max(initial=0.0))
 
 
+def worst_row(values: Array) -> int:
+    """Return the row at which `values` (n,), of any unit, are the largest: the first of those that differ by rounding.
+
+    A path that repeats itself, or is symmetric, has several worst places: another machine names the same of them.
+    """
+    largest = float(np.max(values))
+    return int(np.argmax(values >= largest - TIE_SHARE * abs(largest) if math.isfinite(largest) else values))
+
+
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
     """Return how far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact).
 
@@ -179,7 +189,7 @@ def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
     if contact.size == 0:
         return 0.0, 0
     distance = np.abs(scene.model.boundary.signed_distance(recording.ihip[contact]))
-    worst = int(np.argmax(distance))
+    worst = worst_row(distance)
     return float(distance[worst]), int(contact[worst])
 
 

@@ -18,7 +18,7 @@ from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.jumps import recent_steps
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, holding, mm, resolution, rounding, touching
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, holding, mm, resolution, rounding, touching, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of
@@ -51,7 +51,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
     )
     aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
     _excuse_rigid_tool(base, scene, feet, aside, allowed)
-    worst = int(np.argmax(aside - allowed))
+    worst = worst_row(aside - allowed)
     if aside[worst] <= allowed[worst]:
         return None
     message = (

@@ -122,7 +122,7 @@ def agree(place: Place, row: Row, close: float, rounding: float) -> None:
     """Assert that a row has the numbers that are recorded of its place, where it is; those that are new may be."""
     if place in recorded():
         before = recorded()[place].numbers
-        # Of a metric that is rounding another place is the worst elsewhere; the first of equal zeros is the same anywhere.
+        # Of a metric that is rounding another place is the worst elsewhere; of zeros the first is it anywhere.
         if 0.0 < abs(before.get("metric", 0.0)) <= recorded()[place].least_metric:
             assert not row.tells, place
             before = {name: number for name, number in before.items() if name == "bound"}

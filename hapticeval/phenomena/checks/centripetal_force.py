@@ -35,6 +35,7 @@ from hapticeval.phenomena.sampling import (
     open_loop_reason,
     position_tolerance,
     touching,
+    worst_row,
 )
 from hapticeval.phenomena.stiffness import declared_range
 from hapticeval.phenomena.surface_motion import decay_rate
@@ -74,7 +75,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = HOLD_TICKS * max(term.turning for term in terms) * base.dt
     ticks, tick = terms[0].ticks, int(np.argmax(touching(base, scene)))
     if ticks.size:
-        tick = int(ticks[np.argmax(np.abs(terms[0].cost))])
+        tick = int(ticks[worst_row(np.abs(terms[0].cost))])
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "centripetal_error_m": share * largest,

@@ -9,7 +9,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, required
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.refinement import extrapolated
-from hapticeval.phenomena.sampling import evidence_at, listed, mm
+from hapticeval.phenomena.sampling import evidence_at, listed, mm, worst_row
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
@@ -37,7 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     travel = float(np.max(np.linalg.norm(expected - expected[0], axis=1)))
     # Both at the base run's samples, (n, N): the extrapolation is to continuous time.
     distance_from_form = np.linalg.norm(hips - expected, axis=1)
-    tick = int(np.argmax(distance_from_form))
+    tick = worst_row(distance_from_form)
     # The correction is that of the worst coordinate: over all N of them a length is sqrt(N) times that.
     bound = correction * np.sqrt(hips.shape[1]) + EXTRAPOLATION_ROUNDING * travel
     distance = scene.model.boundary.signed_distance

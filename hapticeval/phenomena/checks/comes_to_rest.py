@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, EARLY_SHARE, LATE_SHARE, QUIET_SAMPLES, RETURN_RATIO
-from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number
 from hapticeval.scene import Scene
@@ -31,10 +31,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not (late.any() and early.any()):
         return undecided("rows are missing where the tool should come to rest")
     distance = np.abs(scene.model.boundary.signed_distance(base.hip))
-    farthest = int(np.argmax(distance))
+    farthest = worst_row(distance)
     # A tool that is farther off than it was at the start, by the model's size, is driven away.
     reach = size + float(distance[0])
-    worst = int(rows[late][np.argmax(speed[late])])
+    worst = int(rows[late][worst_row(speed[late])])
     before, after = float(speed[early].max()), float(speed[late].max())
     evidence: dict[str, object] = {
         **evidence_at(base, worst),

@@ -16,7 +16,7 @@ from hapticeval.phenomena.decisions import (
     RETURN_RATIO,
     STANDS,
 )
-from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate, never_across
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, undecided
 from hapticeval.scene import Scene
@@ -49,7 +49,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     floor = (
         motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + LENGTH_ROUNDING * scene.model.size
     )
-    farthest = int(np.argmax(distance))
+    farthest = worst_row(distance)
     evidence: dict[str, object] = {
         **evidence_at(base, first + farthest),
         "largest_distance_m": float(distance[farthest]),

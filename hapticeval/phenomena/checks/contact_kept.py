@@ -23,6 +23,7 @@ from hapticeval.phenomena.sampling import (
     rounding,
     touching,
     trailing,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import Recording
@@ -68,7 +69,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
         return undecided("the hand is never led into the model, and the tool never in contact")
-    worst = int(np.argmax(gap - allowed))
+    worst = worst_row(gap - allowed)
     metric = CHECK.measured(gap[worst])
     bound = float(allowed[worst])
     if gap[worst] <= bound:
@@ -156,7 +157,7 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
     distance = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
     # A late IHIP rests for up to three ticks where the contact was.
     distance[_rests_where_contact_ended(base, scene, allowed)] = 0.0
-    worst = int(np.argmax(distance - allowed))
+    worst = worst_row(distance - allowed)
     if distance[worst] <= allowed[worst]:
         return None
     many = int(np.sum(distance > allowed))

@@ -26,6 +26,7 @@ from hapticeval.phenomena.sampling import (
     rounding,
     standoff,
     touching,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -52,7 +53,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     deviation = _force_deviation(base, scene, pressed_rows, angle_outside, lag)
     # What rounding leaves, and what a lag leaves of a path that bends.
     allowed = rounded + _bend_angle(base, pressed_rows, lag)
-    worst = int(np.argmax(deviation - allowed))
+    worst = worst_row(deviation - allowed)
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(pressed_rows[worst])
     leans = _error_vector_angles(base, pressed_rows, angle_outside)

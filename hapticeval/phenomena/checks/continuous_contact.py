@@ -58,6 +58,7 @@ from hapticeval.phenomena.sampling import (
     rounding,
     standoff,
     touching,
+    worst_row,
 )
 from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
@@ -140,7 +141,7 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     allowed = np.where(settled, CHORD_STEPS, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
     distance = np.zeros(len(base))
     distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
-    worst = int(np.argmax(distance - allowed))
+    worst = worst_row(distance - allowed)
     largest_distance = float(distance[worst])
     if largest_distance <= allowed[worst]:
         return None

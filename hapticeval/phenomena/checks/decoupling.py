@@ -14,7 +14,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
 )
 from hapticeval.phenomena.refinement import richardson_two_level
-from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.surface_motion import (
     DOES_NOT_SLIDE,
     FINER,
@@ -48,7 +48,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Judged while the tool moves across: from the start until it is nearly home.
     last = min(int(np.flatnonzero(distance > DIED_OUT_SHARE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
-    tick = int(np.argmax(deviation))
+    tick = worst_row(deviation)
     metric = CHECK.measured(deviation[tick])
     bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SPEED_ROUNDING
     evidence: dict[str, object] = {

@@ -9,7 +9,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.closed_paths import laps
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
-from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
+from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import DOUBLE
 from hapticeval.scene import Scene
@@ -42,7 +42,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift.
         excess = np.maximum(changed - STEEP_FACTOR * hand_changes, 0.0)
         # Without any drift the tick with the largest change is shown.
-        row = int(np.argmax(np.where(excess.max() > 0.0, excess, changed)))
+        row = worst_row(np.where(excess.max() > 0.0, excess, changed))
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
         if excess_and_change > (largest_excess, largest_change):
             (largest_excess, largest_change), worst, number = excess_and_change, first + period + row, count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
-from hapticeval.phenomena.sampling import evidence_at, force_floor
+from hapticeval.phenomena.sampling import evidence_at, force_floor, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -31,7 +31,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Lead the hand to its largest force, give a HIP that is none, and then the next one of the path."""
     base, floor = runs.base, force_floor(scene)
     size = np.linalg.norm(base.force, axis=1)
-    tick = int(np.argmax(size[:-1])) + 1
+    tick = worst_row(size[:-1]) + 1
     before = float(size[tick - 1])
     if before <= floor:
         return undecided("the hand feels no force that could stay on")

@@ -10,7 +10,7 @@ from hapticeval.phenomena.checks.shading import SHADING
 from hapticeval.phenomena.checks.texture import STOCHASTIC_TEXTURE
 from hapticeval.phenomena.checks.texture_work import BUMP_MAP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -46,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
     if not (pressed & (added > TOLD_APART * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
-    worst = int(np.argmax(np.where(pressed, deviation - allowed, -np.inf)))
+    worst = worst_row(np.where(pressed, deviation - allowed, -np.inf))
     return compared(
         CHECK.measured(deviation[worst]),
         float(allowed[worst]),

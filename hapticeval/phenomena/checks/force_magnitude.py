@@ -22,6 +22,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     rounding,
     standoff,
+    worst_row,
 )
 from hapticeval.phenomena.stiffness import (
     ApparentStiffness,
@@ -110,7 +111,7 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
     if any(effect.stage is Stage.ANSWER for effect in scene.effects):
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
     elif outside.size and outside.max() > 0.0:
-        worst = int(np.argmax(outside))
+        worst = worst_row(outside)
         # The bound, as a distance from one: the edge of the range that is left.
         edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
         return replace(
@@ -124,7 +125,7 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
             "its stiffness cannot be measured"
         )
     excess = measured.excess
-    worst = int(np.argmax(excess))
+    worst = worst_row(excess)
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
         return replace(_failed_finding(base, scene, measured, excess, worst, bound), level=level)

@@ -34,7 +34,15 @@ from hapticeval.phenomena.decisions import (
     WHOLE_LAG,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hand_velocity, hip_steps, listed, touching
+from hapticeval.phenomena.sampling import (
+    above_force_floor,
+    evidence_at,
+    hand_velocity,
+    hip_steps,
+    listed,
+    touching,
+    worst_row,
+)
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
@@ -236,7 +244,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     limit = friction.mu_s * np.maximum(surface_force.normal, 0.0)
     # |F_t| / (mu_s F_n); infinite where nothing presses the tool
     shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
-    worst = int(np.argmax(shares))
+    worst = worst_row(shares)
     share = float(shares[worst])
     # A force that hardly leans shows nothing of the friction.
     if share < TELLING_SHARE:
@@ -287,7 +295,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
             "the tool nowhere begins to slide, after it has stuck, while the hand moves and presses evenly"
         )
     shortfall = 1.0 - largest_in_lag(share, earlier=1)[slips]
-    worst = int(np.argmax(np.where(clear, shortfall - allowed, -np.inf)))
+    worst = worst_row(np.where(clear, shortfall - allowed, -np.inf))
     tick = int(slips[worst])
     reached = (1.0 - float(shortfall[worst])) * friction.mu_s
     return compared(
@@ -402,7 +410,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
-    worst = int(ticks[np.argmax((deviation - allowed)[ticks])])
+    worst = int(ticks[worst_row((deviation - allowed)[ticks])])
     # The force against the motion, N, for the message.
     against = -float(np.sum(surface_force.tangential[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
@@ -473,7 +481,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
             doubt += beside_straight(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
     deviation = np.linalg.norm(tangential + straight, axis=1)
-    worst = int(np.argmax(np.where(judged, deviation - doubt, -np.inf)))
+    worst = worst_row(np.where(judged, deviation - doubt, -np.inf))
     what = (
         f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
         f"N that the {kind} makes of {1e3 * np.linalg.norm(surface_force.velocity[worst]):.3g} mm/s"
@@ -578,7 +586,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     for begin, stop in spans:
         work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
         # The tick up to which the hand has got most beyond what is granted.
-        row = int(np.argmax(work - bound))
+        row = worst_row(work - bound)
         if worst is None or work[row] - bound[row] > gain - granted:
             worst = begin, begin + row + 1
             gain, granted = float(work[row]), float(bound[row])

@@ -17,6 +17,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     position_tolerance,
     touching,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -40,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if common.size == 0:
         return undecided("no HIP in contact is reached along both paths")
     answer_distances, other = _closest_answers(base, reversed_run, common, match[common])
-    worst = int(np.argmax(answer_distances))
+    worst = worst_row(answer_distances)
     metric = CHECK.measured(answer_distances[worst])
     bound = position_tolerance(base, scene)
     share = float(np.mean(answer_distances > bound))

@@ -16,6 +16,7 @@ from hapticeval.phenomena.sampling import (
     force_floor,
     hip_steps,
     rounding,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -45,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
     moved = lag * largest_in_lag(np.concatenate([[0.0], hip_steps(base)]))
     allowed = force_floor(scene) + scene.stiffness * (2.0 * moved + rounding(scene) + believed_standoff(base, scene))
-    worst = int(rows[np.argmax((pull - allowed)[rows])])
+    worst = int(rows[worst_row((pull - allowed)[rows])])
     # How fast the hand goes outwards, m/s: (n,).
     leaving = np.sum(np.gradient(base.hip, base.time, axis=0) * outward, axis=1)
     speed = float(leaving[worst])

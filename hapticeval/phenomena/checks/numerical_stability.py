@@ -28,6 +28,7 @@ from hapticeval.phenomena.sampling import (
     resolution,
     rounding,
     touching,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
 from hapticeval.recordings.recording import DOUBLE, Recording
@@ -98,7 +99,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
     excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
     # Without an excess the answer with the fewest digits is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf)))
+    worst = worst_row(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf))
     digits = -math.log10(max(float(change[clear].max(initial=0.0)) / size, DOUBLE))
     motion_name = answering_runs[int(np.argmax(apart[:, worst]))][0]
     # The distance from the surface is that of the run as it is, and not of a motion.

@@ -10,7 +10,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
 )
 from hapticeval.phenomena.refinement import richardson_two_level
-from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.scene import Scene
@@ -29,7 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Problem 7.1 (b): n(0) = n'(0) = 0 implies n(t) = 0. What shrinks with the tick is the sampling's.
     remains = richardson_two_level(runs, lambda recording: SurfaceMotion(recording, scene).distance)
     distance = np.abs(remains.values)
-    tick = int(np.argmax(distance))
+    tick = worst_row(distance)
     # m kappa v^2 / K_p: what a law without a centripetal term would stand off.
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
     # Where refinement does not settle it, what a held force may let drift is the bound.

@@ -22,7 +22,7 @@ from hapticeval.phenomena.decisions import (
     UNDECLARED_RANGE,
 )
 from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_points
-from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
+from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_row
 from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.energy_balance import balance
@@ -138,7 +138,7 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: f
     correction = np.where(settled, np.maximum(fine_size, 0.5 * limit_change), shrinking)
     doubt = error + correction
     # The row with the largest gain beyond what is open; at the end of the span where none is.
-    row = int(np.argmax(law - doubt))
+    row = worst_row(law - doubt)
     if law[row] <= doubt[row] + stored:
         row = rows.size - 1
     return Gain(
@@ -243,7 +243,7 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list
 
     def largest(span: Span) -> AtOwnRate:
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
-        last = int(span.ends[np.argmax((work - explained)[span.ends])])
+        last = int(span.ends[worst_row((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
         return AtOwnRate(span.what, span.first, last, gained, granted + stored_before(base, span, scene), lag)
 
@@ -357,7 +357,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
         return undecided("refinement does not settle the work that crosses between hand and renderer")
     open_ways = [gain for gain in gains if not gain.telling]
     # The gain farthest beyond what is open of it.
-    worst = max(telling, key=lambda gain: gain.excess)
+    worst = telling[worst_row(np.array([gain.excess for gain in telling]))]
     metric = CHECK.measured(worst.law)
     evidence = {
         **evidence_at(base, worst.last),

@@ -25,7 +25,7 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
 )
 from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
-from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding
+from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
@@ -84,7 +84,7 @@ def relation_finding(
     size = scene.model.size
     excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
     # Without an excess the largest change of a row that counts is shown.
-    worst = int(np.argmax(excess if excess.max() > 0.0 else np.where(exempt, -np.inf, change)))
+    worst = worst_row(excess if excess.max() > 0.0 else np.where(exempt, -np.inf, change))
     rows_off = int(np.sum(excess > SAME_ANSWER))
     return compared(
         Metric(METRIC, float(excess.max()), UNIT),

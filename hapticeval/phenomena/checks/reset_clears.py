@@ -9,6 +9,7 @@ from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.sampling import (
     evidence_at,
     farthest_standoff,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
@@ -34,7 +35,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     exceeds = {name: differences[name] > scatter[name] for name in differences}
     differs = exceeds["ihip"] | exceeds["force"]
     named, name, unit = ("IHIP", "ihip", "m") if exceeds["ihip"].any() and not exceeds["force"].any() else FORCE_CHANNEL
-    worst = int(np.argmax(differences[name]))
+    worst = worst_row(differences[name])
     metric = Metric(f"{named} after a reset less that before", float(differences[name][worst]), unit)
     ratio = _force_ratio(base.force[:rows], again.force[:rows])
     evidence: dict[str, object] = {

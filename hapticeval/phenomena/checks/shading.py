@@ -11,7 +11,7 @@ from hapticeval.phenomena.check import Check, Runs, not_alone, required, without
 from hapticeval.phenomena.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -93,7 +93,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
         message = "the tool crosses no edge at which an unshaded force would turn farther: nothing to be smoothed"
         return undecided(message)
     excess = np.where(pressed, turn - allowed, -np.inf)
-    worst = int(np.argmax(excess)) if excess.max() > 0.0 else int(np.argmax(np.where(pressed, turn, -np.inf)))
+    worst = worst_row(excess if excess.max() > 0.0 else np.where(pressed, turn, -np.inf))
     evidence = {
         **evidence_at(base, worst + 1),
         "turns_without_rad": float(flat[pressed].max()),
@@ -134,7 +134,7 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
         return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
     # In contact, and where a force is added without one.
     judged = clear & (expected.contact | (difference > force_floor(scene)))
-    worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
+    worst = worst_row(np.where(judged, share - allowed, -np.inf))
     evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
         SHADING_MAGNITUDE.measured(share[worst]),
@@ -166,7 +166,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     rounding = running_sums(0.5 * (reference.rounding[1:] + reference.rounding[:-1]) * length)
     allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
     difference = np.abs(measured - expected)
-    worst, most_active = int(np.argmax(difference - allowed)), int(np.argmax(np.abs(measured - plain)))
+    worst, most_active = worst_row(difference - allowed), worst_row(np.abs(measured - plain))
     # What shading gives round the loop: by its closed form it need not be zero.
     added = float((measured - plain)[most_active])
     evidence = {

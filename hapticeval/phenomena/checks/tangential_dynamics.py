@@ -13,7 +13,7 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
 )
 from hapticeval.phenomena.refinement import richardson_two_level
-from hapticeval.phenomena.sampling import evidence_at
+from hapticeval.phenomena.sampling import evidence_at, worst_row
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -36,7 +36,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     top = float(motion.foot_speed.max())
     remains = richardson_two_level(runs, lambda recording: _unexplained_velocity(recording, scene))
     excess = np.linalg.norm(remains.values, axis=1) / top
-    tick = int(np.argmax(excess))
+    tick = worst_row(excess)
     metric = CHECK.measured(excess[tick])
     bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
     bound = bound / top + SPEED_ROUNDING

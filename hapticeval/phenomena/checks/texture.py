@@ -24,7 +24,7 @@ from hapticeval.phenomena.decisions import (
     WELCH_WINDOW,
     WHOLE_SAMPLE,
 )
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
@@ -189,7 +189,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
         error = DECIBELS * np.log(power / welch_of(covariance))[2:-1]
     # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
-    rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
+    rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), worst_row(np.abs(error))
     rate = 1.0 / (runs.base.dt * max(round(1.0 / (scene.effect(STOCHASTIC_TEXTURE).model.rate * runs.base.dt)), 1))
     evidence = _stretch_evidence(scene, longest, runs.base) | {
         "mean_error_dB": mean,
@@ -233,7 +233,7 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
     with np.errstate(divide="ignore"):
         part_decibels = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
-    worst = int(np.argmax(np.abs(part_decibels)))
+    worst = worst_row(np.abs(part_decibels))
     evidence = _stretch_evidence(scene, longest, runs.base) | {
         "parts_dB": [float(decibels) for decibels in part_decibels]
     }
@@ -287,7 +287,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     deviation = DECIBELS * np.sqrt(log_variances * (1.0 - 2.0 / count) + log_variances.sum() / count**2)
     allowed = float(norm.ppf(1.0 - 0.5 * CHANCE_OF_FAILURE / count)) * deviation
     error_from_mean = error - error.mean()
-    worst = int(np.argmax(np.abs(error_from_mean) / allowed))
+    worst = worst_row(np.abs(error_from_mean) / allowed)
     stretch = stretches_and_covariances[worst][0]
     evidence = _stretch_evidence(scene, stretch, runs.base) | {
         "stretches": [
@@ -327,7 +327,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     rested = np.flatnonzero(since > settles)
     if not rested.size:
         return undecided(f"the hand nowhere rests on the surface for longer than {TEXTURE_SETTLES:g} s")
-    tick = int(rested[np.argmax(added[rested])])
+    tick = int(rested[worst_row(added[rested])])
     normal = scene.model.boundary.closest_point(plain.ihip[tick : tick + 1]).normal[0]
     if effect.model.between(0.0, float(plain.force[tick] @ normal)).variance > 0.0:
         return undecided("the scene's texture shakes a hand that rests, too")

@@ -19,6 +19,7 @@ from hapticeval.phenomena.sampling import (
     hip_steps,
     resolution,
     rounding,
+    worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -261,7 +262,7 @@ def _compare_channel(
     if not clear.any():
         return None
     deviation = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
-    worst = int(np.argmax(deviation / allowed))
+    worst = worst_row(deviation / allowed)
     share = float(np.sum((recorded - bare_answer) * change) / np.sum(change**2))
     return Deviation(channel, int(rows[worst]), float(deviation[worst]), float(allowed[worst]), float(lag), share)
 

@@ -9,7 +9,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
@@ -48,7 +48,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             break
     else:
         return undecided("refinement does not settle the work of a lap")
-    worst = int(np.argmax(work - allowed))
+    worst = worst_row(work - allowed)
     gain = float(work[worst])
     # Above this speed, m/s, a wave is shorter than two ticks of the hand's way.
     limit = relief.fastest(base.dt)

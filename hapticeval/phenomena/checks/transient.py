@@ -20,7 +20,7 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching
+from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching, worst_row
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
@@ -247,7 +247,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     if all(contact.end - contact.begin <= LATE_START for contact in struck):
         return undecided("no contact lasts longer than what it starts may be late")
     late = [contact.end - contact.begin if contact.late is None else contact.late for contact in struck]
-    worst = int(np.argmax(late))
+    worst = worst_row(np.array(late, dtype=np.float64))
     begin = struck[worst].begin
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
@@ -287,7 +287,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         [IMPULSE_CLOSE * abs(contact.expected) + float(np.sum(contact.rounding)) * dt for contact in lasting]
     )
     peak = max(float(np.max(np.abs(contact.added))) for contact in lasting)
-    worst = int(np.argmax(deviation - allowed))
+    worst = worst_row(deviation - allowed)
     if allowed[worst] > TELLING_SHARE * abs(expected[worst]):
         return undecided("rounding may make a tenth of the impulse")
     contact = lasting[worst]
