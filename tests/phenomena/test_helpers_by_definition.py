@@ -68,6 +68,7 @@ from hapticeval.phenomena.sampling import (
     standoff,
     touching,
     trailing,
+    worst_row,
 )
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
 from hapticeval.scene import Scene
@@ -555,3 +556,18 @@ def test_a_hand_that_touches_in_one_of_two_runs_alone_has_another_answer(touches
     base, other = (held, free) if touches == "as it is" else (free, held)
     assert compare_runs(Runs(base), LINE, other, "with other vertices").outcome is FAIL
     assert compare_runs(Runs(free), LINE, free, "with other vertices").outcome is UNDECIDED
+
+
+@given(
+    st.lists(st.integers(-5, 5), min_size=1, max_size=20), st.lists(st.integers(-400, 400), min_size=20, max_size=20)
+)
+def test_of_equally_bad_places_the_first_is_named_whatever_the_rounding(levels, units):
+    off = np.array(levels) * (1.0 + np.array(units[: len(levels)]) * np.finfo(np.float64).eps)
+    assert worst_row(off) == int(np.argmax(levels))
+
+
+def test_a_place_that_is_worse_by_more_than_rounding_is_named_and_so_is_one_among_none_judged():
+    assert worst_row(np.array([1.0, 1.0 + 2e-9])) == 1
+    assert worst_row(np.array([-1.0, -1.0 + 2e-9, -1.0])) == 1
+    assert worst_row(np.array([-np.inf, 3.0, np.inf])) == 2
+    assert worst_row(np.full(3, -np.inf)) == 0
