@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled
-from hapticeval.geometry.surface import SURFACE, Triple, closest_on_surface, dot, plus
+from hapticeval.geometry.surface import SURFACE, closest_on_surface
+from hapticeval.geometry.triples import Triple, dot, plus
 from hapticeval.renderers.projective import PAST, as_rows, release
 from hapticeval.renderers.stabilisation_laws import (
     BEYOND,

@@ -28,7 +28,8 @@ from hapticeval.geometry.mesh_kernels import closest_on_mesh
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel
 from hapticeval.geometry.representations import LevelSet, Polygon
-from hapticeval.geometry.surface import apply_matrix, closest_on_surface, dot, shape_operator
+from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_operator
+from hapticeval.geometry.triples import dot
 from hapticeval.renderers.family import GRID_NODES, VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, Projection, once, regulate, release

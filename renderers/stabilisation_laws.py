@@ -68,14 +68,8 @@ import math
 from hapticeval.compiled import LawData, as_record, compiled, record_type
 from hapticeval.geometry.curve_kernels import nearest_with_values
 from hapticeval.geometry.kernels import curvature_rate
-from hapticeval.geometry.surface import (
-    Triple,
-    apply_matrix,
-    closest_on_surface,
-    dot,
-    shape_operator,
-    shape_operator_change,
-)
+from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_operator, shape_operator_change
+from hapticeval.geometry.triples import Triple, dot
 from hapticeval.renderers.projective import PAST, release
 from hapticeval.types import Array
 

@@ -95,14 +95,8 @@ def gradient_at_depth(frame: Array, depth: float, slope: Array) -> bool:
 
 
 def raise_surface(
-    numbers: Numbers,
-    closest: Closest,
-    hip: Array,
-    velocity: Array,  # noqa: ARG001 - as every change
-    dt: float,  # noqa: ARG001
-    ihip: Array,
-    force: Array,
-) -> int:
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
     """Change an answer of the nearest point to that of the raised surface, as `HeightMap` has it.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `force` (N,), N. Returns 1 where the IHIP is not
@@ -135,14 +129,8 @@ def raise_surface(
 
 
 def turn_normal(
-    numbers: Numbers,
-    closest: Closest,
-    hip: Array,
-    velocity: Array,  # noqa: ARG001 - as every change
-    dt: float,  # noqa: ARG001
-    ihip: Array,
-    force: Array,
-) -> int:
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
     """Turn the force's part along the normal by the relief's slope, as `BumpMap` has it (4.16).
 
     The signature is that of `Effect.change`: `ihip` (N,), m, `force` (N,), N. Returns 0: it refuses nothing.

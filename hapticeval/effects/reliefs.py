@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from hapticeval.effects.effect import Ask, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.files import file_below
+from hapticeval.geometry.boundary import distance_between
 from hapticeval.quantity import format_quantity
 from hapticeval.types import Array
 
@@ -235,11 +235,6 @@ class HeightMap(Relief):
         from hapticeval.effects.relief_kernels import raise_surface
 
         return self._part(scene, raise_surface)
-
-
-def distance_between(one: Array, other: Array) -> float:
-    """Return the distance (m) of two points (N,), m, or of two forces (N,), N; nan of what is not finite."""
-    return math.dist(one, other)
 
 
 @dataclass(frozen=True)

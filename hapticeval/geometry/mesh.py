@@ -24,7 +24,7 @@ from hapticeval.geometry.mesh_kernels import closest_on_mesh
 from hapticeval.geometry.mesh_tool import follow_hand, walk_downhill
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import COORDINATE_ROUNDING, TOUCH_SHARE
-from hapticeval.geometry.surface import Triple
+from hapticeval.geometry.triples import Triple
 from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array, IntArray
 

@@ -16,8 +16,6 @@ from hapticeval.geometry.mesh_kernels import (
     PSEUDO,
     RUN,
     TRIANGLE_TREE_DEPTH,
-    _cross,
-    _minus,
     _product_error,
     box_middle,
     corner_of,
@@ -26,7 +24,7 @@ from hapticeval.geometry.mesh_kernels import (
     position_of,
     vertex_of,
 )
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
 from hapticeval.types import Array, IntArray
 
 SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, OTHER_PART, FOLDED = range(8)
@@ -180,9 +178,9 @@ def volume(vertices: Array, triangles: IntArray) -> float:
     # tetrahedra to one vertex, not to the origin of coordinates: no digits are lost far from it
     origin = position_of(vertices, triangles[0, 0])
     for k in range(triangles.shape[0]):
-        a = _minus(position_of(vertices, triangles[k, 0]), origin)
-        b = _minus(position_of(vertices, triangles[k, 1]), origin)
-        total += dot(a, _cross(b, _minus(position_of(vertices, triangles[k, 2]), origin)))
+        a = minus(position_of(vertices, triangles[k, 0]), origin)
+        b = minus(position_of(vertices, triangles[k, 1]), origin)
+        total += dot(a, cross(b, minus(position_of(vertices, triangles[k, 2]), origin)))
     return total / 6.0
 
 
@@ -294,7 +292,7 @@ def build_tables(
         )
         normal = area_normal(a, b, c)
         area = math.sqrt(dot(normal, normal))
-        edges = (_minus(b, a), _minus(c, b), _minus(a, c))
+        edges = (minus(b, a), minus(c, b), minus(a, c))
         lengths_squared = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
         # twice the area over the longest edge is the height of the triangle
         if not area > THINNEST_TRIANGLE * max(lengths_squared):
@@ -383,8 +381,8 @@ def _write_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float
     radius_squared, half_thickness = 0.0, 0.0
     for k in range(begin, end):
         for corner in range(3):
-            q = _minus(corner_of(faces, vertices, k, corner), middle)
-            aside = _cross(mean, q)
+            q = minus(corner_of(faces, vertices, k, corner), middle)
+            aside = cross(mean, q)
             radius_squared = max(radius_squared, dot(aside, aside))
             half_thickness = max(half_thickness, abs(dot(mean, q)))
     run.normal_x, run.normal_y, run.normal_z = mean
@@ -436,8 +434,8 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
     # both triangles seen from the shared corner, which is exact then
     origin = corner_of(faces, vertices, j, first_corner)
     for i in range(3):
-        a = _minus(corner_of(faces, vertices, j, (first_corner + i) % 3), origin)
-        b = _minus(corner_of(faces, vertices, k, (second_corner + i) % 3), origin)
+        a = minus(corner_of(faces, vertices, j, (first_corner + i) % 3), origin)
+        b = minus(corner_of(faces, vertices, k, (second_corner + i) % 3), origin)
         for axis in range(3):
             first[i, axis], second[i, axis] = a[axis], b[axis]
     n, p = normal_of(faces, j), normal_of(faces, k)
@@ -450,14 +448,14 @@ def _meet_as_neighbours(faces: Array, vertices: Array, j: int, k: int, first: Ar
             first[(i + 1) % 3, 1] - first[i, 1],
             first[(i + 1) % 3, 2] - first[i, 2],
         )
-        if _separates(_cross(n, e), first, second, shared):
+        if _separates(cross(n, e), first, second, shared):
             return True
         for h in range(3):
             o = (h + 1) % 3
             f = (second[o, 0] - second[h, 0], second[o, 1] - second[h, 1], second[o, 2] - second[h, 2])
-            if i == 0 and _separates(_cross(p, f), first, second, shared):
+            if i == 0 and _separates(cross(p, f), first, second, shared):
                 return True
-            if _separates(_cross(e, f), first, second, shared):
+            if _separates(cross(e, f), first, second, shared):
                 return True
     return False
 

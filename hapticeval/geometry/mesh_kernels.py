@@ -34,7 +34,7 @@ import numpy as np
 from hapticeval.compiled import as_record, compiled, inner, record_type
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import check_finite
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, scaled
 from hapticeval.types import Array, IntArray
 
 CORNER_COLUMN, ACROSS_COLUMN, NORMAL_COLUMN = 0, 3, 6
@@ -61,24 +61,6 @@ ONE_PLANE = 1e-18
 """Square of the angle (rad) between the normals of faces that count as one plane."""
 ON_FEATURE = 1e-12
 """Distance from an edge or a vertex, as a share of its coordinates, at which the direction to it is rounding."""
-
-
-@inner
-def _minus(a: Triple, b: Triple) -> Triple:
-    """Return a - b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inner
-def _cross(a: Triple, b: Triple) -> Triple:
-    """Return the vector product a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@inner
-def _scaled(factor: float, a: Triple) -> Triple:
-    """Return factor a."""
-    return factor * a[0], factor * a[1], factor * a[2]
 
 
 @inner
@@ -152,16 +134,16 @@ def distance_to_triangle(
     shape.
     """
     a, n = corner_of(faces, vertices, k, 0), normal_of(faces, k)
-    ap = _minus(p, a)
+    ap = minus(p, a)
     height = dot(n, ap)
     best_squared = height * height
     if best_squared > limit_squared:
         return math.inf, FACE, 0.0
     b, c = corner_of(faces, vertices, k, 1), corner_of(faces, vertices, k, 2)
-    ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
-    bp, cp = _minus(p, b), _minus(p, c)
+    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
+    bp, cp = minus(p, b), minus(p, c)
     # (n x edge) . (p - corner): negative outside of that edge
-    first, second, third = dot(_cross(n, ab), ap), dot(_cross(n, bc), bp), dot(_cross(n, ca), cp)
+    first, second, third = dot(cross(n, ab), ap), dot(cross(n, bc), bp), dot(cross(n, ca), cp)
     if first >= 0.0 and second >= 0.0 and third >= 0.0:
         return best_squared, FACE, 0.0
     # outside: the closest of the edges that p lies outside of
@@ -196,9 +178,9 @@ def box_middle(tree: Array, i: int) -> Triple:
 def _disc_distance_squared(tree: Array, i: int, p: Triple) -> float:
     """Return the squared distance (m^2) of p from the disc of row i: no triangle in it is closer."""
     # a disc is a flat cylinder: the excess over its half thickness, and over its radius aside
-    run, q = as_record(tree, RUN, i), _minus(p, box_middle(tree, i))
+    run, q = as_record(tree, RUN, i), minus(p, box_middle(tree, i))
     n = (run.normal_x, run.normal_y, run.normal_z)
-    aside = _cross(n, q)
+    aside = cross(n, q)
     height_excess = max(abs(dot(n, q)) - run.half_thickness, 0.0)
     aside_excess = max(math.sqrt(dot(aside, aside)) - run.radius, 0.0)
     return float(height_excess * height_excess + aside_excess * aside_excess)
@@ -285,18 +267,18 @@ def closest_on_mesh(
     k, feature, share, distance_squared = nearest_triangle(faces, vertices, tree, p, start)
     n, a = normal_of(faces, k), corner_of(faces, vertices, k, 0)
     if feature == FACE:
-        height = dot(n, _minus(p, a))
+        height = dot(n, minus(p, a))
         foot = plus(p, -height, n)
         # the foot once more onto the plane: far from the face the first has lost digits
-        return k, plus(foot, -dot(n, _minus(foot, a)), n), n, height
+        return k, plus(foot, -dot(n, minus(foot, a)), n), n, height
     if feature < VERTEX:
         i = feature - EDGE
         a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
-        ab = _minus(b, a)
-        foot, q = plus(a, share, ab), plus(_minus(p, a), -share, ab)
+        ab = minus(b, a)
+        foot, q = plus(a, share, ab), plus(minus(p, a), -share, ab)
     else:
         foot = corner_of(faces, vertices, k, feature - VERTEX)
-        q = _minus(p, foot)
+        q = minus(p, foot)
     side, normal = side_and_normal(faces, vertices, k, feature, foot, q)
     return k, foot, normal, side * math.sqrt(distance_squared)
 
@@ -326,19 +308,19 @@ def side_and_normal(
     if feature < VERTEX:
         # an edge's pseudonormal is the mean of both normals, a vertex's is in the table
         mean = plus(n, 1.0, normal_of(faces, neighbour_of(faces, k, feature - EDGE)))
-        mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
+        mean = scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
     else:
         row = vertex_of(faces, k, feature - VERTEX)
         mean = pseudonormal_of(vertices, row)
     side = -1.0 if dot(mean, q) < 0.0 else 1.0
-    bent = _minus(mean, n)
+    bent = minus(mean, n)
     # faces of one plane: an inner edge is no edge
     if dot(bent, bent) <= ONE_PLANE:
         return side, n
     length = math.sqrt(dot(q, q))
     # beside the feature: the direction to p, turned outwards
     if length > ON_FEATURE * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
-        return side, _scaled(side / length, q)
+        return side, scaled(side / length, q)
     return side, mean
 
 
@@ -471,7 +453,7 @@ def first_triangle_hit(
     while top > 0:
         top -= 1
         i = stack[top]
-        middle, half = plus(start, 0.5 * (low + first), direction), _scaled(0.5 * (first - low), direction)
+        middle, half = plus(start, 0.5 * (low + first), direction), scaled(0.5 * (first - low), direction)
         if _misses_box(tree, i, middle, half, pad):
             continue
         if i < m:
@@ -487,9 +469,9 @@ def first_triangle_hit(
         j = i - m
         for k in range(j * n // m, (j + 1) * n // m):
             # the origin of the sheared plane is the line: a triangle is hit where it holds it
-            a = _minus(corner_of(faces, vertices, k, 0), start)
-            b = _minus(corner_of(faces, vertices, k, 1), start)
-            c = _minus(corner_of(faces, vertices, k, 2), start)
+            a = minus(corner_of(faces, vertices, k, 0), start)
+            b = minus(corner_of(faces, vertices, k, 1), start)
+            c = minus(corner_of(faces, vertices, k, 2), start)
             ax, ay, bx, by = a[kx] - sx * a[kz], a[ky] - sy * a[kz], b[kx] - sx * b[kz], b[ky] - sy * b[kz]
             u, side = _signed_area(bx, by, ax, ay)
             cx, cy = c[kx] - sx * c[kz], c[ky] - sy * c[kz]
@@ -526,7 +508,7 @@ def first_entry(
     Between two of its crossings with the mesh, which may be several in one vertex, it is inside as a whole or not at
     all.
     """
-    direction = _minus(end, start)
+    direction = minus(end, start)
     length = math.sqrt(dot(direction, direction))
     k, foot, _, depth = closest_on_mesh(faces, vertices, tree, start, k)
     # too far away to be reached
@@ -591,7 +573,7 @@ def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, 
             normal = normal_of(faces, face)
             # a direction that is there already is not added again
             for other in range(starts[row], total):
-                bent = _minus(normal, (normals[other, 0], normals[other, 1], normals[other, 2]))
+                bent = minus(normal, (normals[other, 0], normals[other, 1], normals[other, 2]))
                 if dot(bent, bent) <= ONE_PLANE:
                     break
             else:
@@ -627,7 +609,7 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
     carriers = np.zeros((3, 3))
     count, best = 0, (0.0, 0.0, 0.0)
     for _ in range(4 * (last - first) + 8):
-        residual = _minus(d, best)
+        residual = minus(d, best)
         steepest, chosen = limit, -1
         for k in range(first, last):
             along = normals[k, 0] * residual[0] + normals[k, 1] * residual[1] + normals[k, 2] * residual[2]
@@ -640,34 +622,34 @@ def closest_in_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
         residual_squared = dot(residual, residual)
         along = max(dot(new, d), 0.0)
         # the new direction alone
-        closest, count_kept, which = _scaled(along, new), 1, 0
-        residual = _minus(d, closest)
+        closest, count_kept, which = scaled(along, new), 1, 0
+        residual = minus(d, closest)
         least_squared = dot(residual, residual)
         # the new direction with one of those before: the foot of d on their plane, if between them
         for other in range(count):
             side = (carriers[other, 0], carriers[other, 1], carriers[other, 2])
-            across = _cross(new, side)
+            across = cross(new, side)
             across_squared = dot(across, across)
             # (anti)parallel: no plane
             if across_squared <= 1e-30:
                 continue
             flat = plus(d, -dot(across, d) / across_squared, across)
-            if dot(_cross(flat, side), across) < 0.0 or dot(_cross(new, flat), across) < 0.0:
+            if dot(cross(flat, side), across) < 0.0 or dot(cross(new, flat), across) < 0.0:
                 continue
-            residual = _minus(d, flat)
+            residual = minus(d, flat)
             if dot(residual, residual) < least_squared:
                 least_squared, closest, count_kept, which = dot(residual, residual), flat, 2, other
         # all three: if d lies within their cone it is its own closest point
         if count == 2:
             one = (carriers[0, 0], carriers[0, 1], carriers[0, 2])
             two = (carriers[1, 0], carriers[1, 1], carriers[1, 2])
-            volume = dot(new, _cross(one, two))
+            volume = dot(new, cross(one, two))
             sense = 1.0 if volume > 0.0 else -1.0
             # Cramer's rule: the parts of d along each of the three, up to the volume
             shares = (
-                sense * dot(d, _cross(one, two)),
-                sense * dot(d, _cross(two, new)),
-                sense * dot(d, _cross(new, one)),
+                sense * dot(d, cross(one, two)),
+                sense * dot(d, cross(two, new)),
+                sense * dot(d, cross(new, one)),
             )
             if volume != 0.0 and min(shares) >= 0.0:
                 return d
@@ -696,8 +678,8 @@ def angles_outside_cones(starts: IntArray, normals: Array, directions: Array) ->
         inside = closest_in_cone(normals, starts[row], starts[row + 1], d)
         # within a right angle: the angle to the closest direction of the cone
         if dot(inside, inside) > 0.0:
-            cross = _cross(inside, d)
-            out[row] = math.atan2(math.sqrt(dot(cross, cross)), dot(inside, d))
+            across = cross(inside, d)
+            out[row] = math.atan2(math.sqrt(dot(across, across)), dot(inside, d))
             continue
         largest_cosine = -math.inf
         for k in range(starts[row], starts[row + 1]):

@@ -22,9 +22,6 @@ from hapticeval.geometry.mesh_kernels import (
     EDGE,
     FACE,
     VERTEX,
-    _cross,
-    _minus,
-    _scaled,
     closest_feature,
     closest_on_mesh,
     corner_of,
@@ -36,7 +33,7 @@ from hapticeval.geometry.mesh_kernels import (
     same_corner,
     vertex_of,
 )
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, scaled
 from hapticeval.types import Array, IntArray
 
 MOST_STALLS = 16
@@ -65,7 +62,7 @@ def walk_downhill(
     """
     last_squared, stalls = math.inf, 0
     while stalls < MOST_STALLS:
-        d = _minus(goal, point)
+        d = minus(goal, point)
         now_squared = dot(d, d)
         # each feature should lead closer: by rounding it may not
         stalls = 0 if now_squared < last_squared else stalls + 1
@@ -88,16 +85,16 @@ def walk_downhill(
         if feature == FACE:
             feature, point = _cross_face(faces, vertices, k, point, goal)
             if feature == FACE:
-                d = _minus(goal, point)
+                d = minus(goal, point)
                 if free and dot(normal_of(faces, k), d) >= 0.0:
                     return LEAVES, k, feature, point
                 return RESTS, k, feature, point
         else:
             i = feature - EDGE
             a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
-            ab = _minus(b, a)
+            ab = minus(b, a)
             # where along the edge the goal's foot lies: rest there, or go on from the end
-            share = dot(_minus(goal, a), ab) / dot(ab, ab)
+            share = dot(minus(goal, a), ab) / dot(ab, ab)
             if 0.0 < share < 1.0:
                 return RESTS, k, feature, plus(a, share, ab)
             feature, point = (VERTEX + i, a) if share <= 0.0 else (VERTEX + (i + 1) % 3, b)
@@ -113,25 +110,25 @@ def _cross_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Trip
         corner_of(faces, vertices, k, 1),
         corner_of(faces, vertices, k, 2),
     )
-    foot = plus(goal, -dot(n, _minus(goal, corners[0])), n)
+    foot = plus(goal, -dot(n, minus(goal, corners[0])), n)
     # once more, for digits that a goal far away has cost
-    foot = plus(foot, -dot(n, _minus(foot, corners[0])), n)
+    foot = plus(foot, -dot(n, minus(foot, corners[0])), n)
     # the first edge that the way from point to foot leaves the triangle over
     share, left = 1.0, -1
     for i in range(3):
         # n x edge points into the triangle
-        inward = _cross(n, _minus(corners[(i + 1) % 3], corners[i]))
-        height_at_foot = dot(inward, _minus(foot, corners[i]))
+        inward = cross(n, minus(corners[(i + 1) % 3], corners[i]))
+        height_at_foot = dot(inward, minus(foot, corners[i]))
         if height_at_foot < 0.0:
             # a point that is outside by rounding is on the edge
-            height_at_point = max(dot(inward, _minus(point, corners[i])), 0.0)
+            height_at_point = max(dot(inward, minus(point, corners[i])), 0.0)
             if height_at_point / (height_at_point - height_at_foot) < share:
                 share, left = height_at_point / (height_at_point - height_at_foot), i
     if left < 0:
         return FACE, foot
     a, b = corners[left], corners[(left + 1) % 3]
-    ab = _minus(b, a)
-    along = dot(_minus(plus(point, share, _minus(foot, point)), a), ab) / dot(ab, ab)
+    ab = minus(b, a)
+    along = dot(minus(plus(point, share, minus(foot, point)), a), ab) / dot(ab, ab)
     if along <= 0.0:
         return VERTEX + left, a
     if along >= 1.0:
@@ -148,10 +145,10 @@ def _choose_at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d
     j = neighbour_of(faces, k, i)
     n, p = normal_of(faces, k), normal_of(faces, j)
     a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
-    e = _minus(b, a)
-    e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
+    e = minus(b, a)
+    e = scaled(1.0 / math.sqrt(dot(e, e)), e)
     # directions in each face, square to the edge and away from it
-    inward_here, inward_beyond = _cross(n, e), _cross(e, p)
+    inward_here, inward_beyond = cross(n, e), cross(e, p)
     # the neighbour lies below this face's plane
     convex = dot(inward_beyond, n) <= DIRECTION_ROUNDING
     rise_here, rise_beyond = dot(n, d), dot(p, d)
@@ -189,11 +186,11 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
     j, h = k, i
     while True:
         n = normal_of(faces, j)
-        p = _minus(corner_of(faces, vertices, j, (h + 1) % 3), apex)
-        q = _minus(corner_of(faces, vertices, j, (h + 2) % 3), apex)
+        p = minus(corner_of(faces, vertices, j, (h + 1) % 3), apex)
+        q = minus(corner_of(faces, vertices, j, (h + 2) % 3), apex)
         height, after = dot(n, d), neighbour_of(faces, j, h)
         # d projects into this triangle: p and q bound it at the apex
-        if dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
+        if dot(cross(n, p), d) >= 0.0 and dot(cross(q, n), d) >= 0.0:
             if height * height < least_squared:
                 least_squared, side = height * height, height
             # the squared way along the face

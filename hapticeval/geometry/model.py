@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from hapticeval.geometry.representations import Facets, LevelSet, Polygon
     from hapticeval.geometry.surface import Surface
 
+
+Prepared = TypeVar("Prepared")
 
 KIND_BY_PARAMETER = {
     "model": "extruded",
@@ -98,31 +100,27 @@ class Model:
         """
         # a motion has arrays: their bytes are its identity
         key = ("moved", motion.matrix.tobytes(), motion.scale, motion.shift.tobytes())
-        if key not in self._prepared:
-            move = getattr(self.boundary, "moved", None)
-            self._prepared[key] = self._with_boundary(None if move is None else move(motion))
-        moved: Model | None = self._prepared[key]
-        return moved
+        return self._once(key, lambda: self._with_boundary("moved", motion))
 
     def reordered(self) -> Model | None:
         """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
-        if "reordered" not in self._prepared:
-            order = getattr(self.boundary, "reordered", None)
-            self._prepared["reordered"] = self._with_boundary(None if order is None else order())
-        other: Model | None = self._prepared["reordered"]
-        return other
+        return self._once("reordered", lambda: self._with_boundary("reordered"))
 
     def cut(self) -> Model | None:
         """Return the model with its faces cut into other triangles; None where its boundary does not offer `cut`."""
-        if "cut" not in self._prepared:
-            cut_boundary = getattr(self.boundary, "cut", None)
-            self._prepared["cut"] = self._with_boundary(None if cut_boundary is None else cut_boundary())
-        other: Model | None = self._prepared["cut"]
-        return other
+        return self._once("cut", lambda: self._with_boundary("cut"))
 
-    def _with_boundary(self, boundary: Boundary | None) -> Model | None:
-        """Return this model with another boundary; None if there is none."""
+    def _with_boundary(self, change: str, *arguments: Any) -> Model | None:
+        """Return this model with what a method of its boundary makes of that; None where it offers or makes none."""
+        boundary = getattr(self.boundary, change, lambda *_: None)(*arguments)
         return None if boundary is None else Model(self.name, self.parameters, boundary)
+
+    def _once(self, key: object, prepare: Callable[[], Prepared]) -> Prepared:
+        """Return what `prepare` makes, which is kept under this key."""
+        if key not in self._prepared:
+            self._prepared[key] = prepare()
+        prepared: Prepared = self._prepared[key]
+        return prepared
 
     @property
     def size(self) -> float:
@@ -136,13 +134,9 @@ class Model:
         A model of straight edges is its own polygon, whatever n. Raises `RefusalError` for an unbounded model, and
         `InputError` for n below 3, and if n vertices are so few that the polygon crosses itself.
         """
-        key = ("polygon", n)
-        if key not in self._prepared:
-            from hapticeval.geometry.representations import Polygon
+        from hapticeval.geometry.representations import Polygon
 
-            self._prepared[key] = Polygon(self.curve.position(self._polygon_parameters(n)))
-        polygon: Polygon = self._prepared[key]
-        return polygon
+        return self._once(("polygon", n), lambda: Polygon(self.curve.position(self._polygon_parameters(n))))
 
     def mesh(self, *, max_error: float | None = None) -> Facets:
         """Return the model as edges (in the plane) or triangles (in space) that lie off it by `max_error` (m) at most.
@@ -154,21 +148,13 @@ class Model:
         from hapticeval.geometry.representations import CHORD_ERROR_SHARE, facets_of
 
         error = CHORD_ERROR_SHARE[self.dimension] * self.size if max_error is None else max_error
-        key = ("mesh", error)
-        if key not in self._prepared:
-            self._prepared[key] = facets_of(self, error)
-        facets: Facets = self._prepared[key]
-        return facets
+        return self._once(("mesh", error), lambda: facets_of(self, error))
 
     def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
-        key = ("level set", tuple(shape))
-        if key not in self._prepared:
-            from hapticeval.geometry.representations import sample_level_set
+        from hapticeval.geometry.representations import sample_level_set
 
-            self._prepared[key] = sample_level_set(self.curve, shape)
-        level_set: LevelSet = self._prepared[key]
-        return level_set
+        return self._once(("level set", tuple(shape)), lambda: sample_level_set(self.curve, shape))
 
     def _polygon_parameters(self, n: int) -> Array:
         """Return the parameters of the polygon's vertices: corners split the curve into runs of equal steps."""

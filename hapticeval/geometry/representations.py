@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -256,9 +256,9 @@ def facets_of(model: Model, max_error: float) -> Facets:
             return Facets(_half_plane(boundary), 0.0)
         if boundary.straight:
             return Facets(model.polygon(), 0.0)
-        return _refine_until(_polygon_maker(model, boundary), max_error, model.name)
+        return _refine_until(partial(_polygon_facets, model, boundary), max_error, model.name)
     if isinstance(boundary, Surface):
-        return _refine_until(_mesh_maker(boundary), max_error, model.name)
+        return _refine_until(partial(_mesh_facets, boundary), max_error, model.name)
     raise RefusalError(
         f"model '{model.name}' is a {type(boundary).__name__}",
         why="edges and triangles are made of plane curves, meshes, spheres, ellipsoids and tori",
@@ -288,14 +288,10 @@ def _refine_until(facets_at: Callable[[float], Facets], max_error: float, name: 
         finer *= 1.02 * math.sqrt(facets.chord_error / max_error)
 
 
-def _polygon_maker(model: Model, curve: Curve) -> Callable[[float], Facets]:
-    """Return what makes polygons with 40 corners and finer, see `Model.polygon`."""
-
-    def polygon_facets(finer: float) -> Facets:
-        polygon = model.polygon(math.ceil(min(40.0 * finer, MOST_CELLS[2])))
-        return Facets(polygon, polygon.standoff_from(curve))
-
-    return polygon_facets
+def _polygon_facets(model: Model, curve: Curve, finer: float) -> Facets:
+    """Return the polygon with 40 corners, or `finer`: see `Model.polygon`."""
+    polygon = model.polygon(math.ceil(min(40.0 * finer, MOST_CELLS[2])))
+    return Facets(polygon, polygon.standoff_from(curve))
 
 
 def _half_plane(curve: Curve) -> Polygon:
@@ -306,14 +302,10 @@ def _half_plane(curve: Curve) -> Polygon:
     return Polygon([start, end, end + inward, start + inward])
 
 
-def _mesh_maker(surface: Surface) -> Callable[[float], Facets]:
-    """Return what makes meshes, see `triangulate_surface`."""
-
-    def mesh_facets(finer: float) -> Facets:
-        mesh = Mesh(surface.name, *triangulate_surface(surface, finer))
-        return Facets(mesh, _largest_distance(mesh, surface))
-
-    return mesh_facets
+def _mesh_facets(surface: Surface, finer: float) -> Facets:
+    """Return the mesh of `triangulate_surface`."""
+    mesh = Mesh(surface.name, *triangulate_surface(surface, finer))
+    return Facets(mesh, _largest_distance(mesh, surface))
 
 
 def triangulate_surface(surface: Surface, finer: float) -> Triangles:

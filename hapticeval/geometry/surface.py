@@ -30,7 +30,6 @@ from hapticeval.compiled import (
     LawData,
     as_record,
     compiled,
-    inner,
     law_data,
     numbers_of,
     record_type,
@@ -38,6 +37,7 @@ from hapticeval.compiled import (
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace, spread_over_sphere
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.motion import Motion
+from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.geometry.validate import answer_by_kernel
 from hapticeval.types import Array
 
@@ -45,7 +45,6 @@ SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
 SURFACE = record_type("kind", lengths=3)
 """What `reals` holds: SPHERE, ELLIPSOID or TORUS, and the lengths (m) that a `Surface` of that kind has."""
 
-Triple: TypeAlias = tuple[float, float, float]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 
 MOST_ROOT_STEPS = 200
@@ -53,24 +52,6 @@ MOST_ROOT_STEPS = 200
 
 ZERO_SHARE = 1e-150
 """Share of a semi-axis below which a coordinate counts as zero: its reciprocal's square is still a number."""
-
-
-@inner
-def triple_of(vector: Array) -> Triple:
-    """Return a vector (3,) of a record as three numbers of its unit, such as m."""
-    return vector[0], vector[1], vector[2]
-
-
-@compiled
-def dot(a: Triple, b: Triple) -> float:
-    """Return the scalar product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@compiled
-def plus(a: Triple, factor: float, b: Triple) -> Triple:
-    """Return a + factor b."""
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @compiled

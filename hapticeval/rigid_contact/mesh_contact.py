@@ -23,19 +23,8 @@ import numpy as np
 from hapticeval.compiled import as_record, compiled
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import (
-    EDGE,
-    FACE,
-    VERTEX,
-    _cross,
-    _minus,
-    _scaled,
-    closest_feature,
-    corner_of,
-    neighbour_of,
-    normal_of,
-)
-from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.geometry.mesh_kernels import EDGE, FACE, VERTEX, closest_feature, corner_of, neighbour_of, normal_of
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, put_triple, scaled, triple_of
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -75,7 +64,6 @@ from hapticeval.rigid_contact.space import (
     force_in_space,
     log_in_space,
     move_tool,
-    put_triple,
     state_in_flight,
     strike_tool,
     where_given_up,
@@ -141,8 +129,8 @@ def _without_hops(terrain: MeshTerrain, k: int, feature: int, v: Triple, force: 
         return v
     e = edge_direction(terrain.faces, terrain.vertices, k, feature - EDGE)
     # what is along the edge stays; what is square to it is left out
-    along = _scaled(dot(v, e), e)
-    aside = _minus(v, along)
+    along = scaled(dot(v, e), e)
+    aside = minus(v, along)
     return along if weakest > 0.0 and load.mass * dot(aside, aside) < 2.0 * energy else v
 
 
@@ -242,7 +230,7 @@ def advance_on_face(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     # back onto the plane, by rounding
     p = plus(p, -height_over_face(terrain, k, p), normal)
     # the contact's impulse: N integrated over the step, h (N + N' h / 2)
-    move_tool(tool, p, v, _scaled(h * (contact + 0.5 * rate * h), normal))
+    move_tool(tool, p, v, scaled(h * (contact + 0.5 * rate * h), normal))
     if edge_triangle >= 0:
         reach_place(terrain, tool, edge_triangle, PLACE_REACH)
         meet(terrain, tool, tau + h, AT_CORNER)
@@ -265,7 +253,7 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     h, onto = longest_flight_step(load, time_left), -1
     # where the force comes to drive it up a face, the other's multiplier is zero: linear in time, as on a face
     for face in (k, j):
-        up = _cross(normal_of(terrain.faces, k), e) if face == k else _cross(e, normal_of(terrain.faces, j))
+        up = cross(normal_of(terrain.faces, k), e) if face == k else cross(e, normal_of(terrain.faces, j))
         drive, growth = dot(up, force), dot(up, rate)
         if drive > 0.0:
             h, onto = 0.0, face
@@ -279,17 +267,17 @@ def advance_on_edge(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
     # past either end
     end = VERTEX + i
     time = first_fall(e, a, path, 0.0, h, load.rounding, load)
-    other = first_fall(_scaled(-1.0, e), b, path, 0.0, min(time, h), load.rounding, load)
+    other = first_fall(scaled(-1.0, e), b, path, 0.0, min(time, h), load.rounding, load)
     if other < time:
         time, end = other, VERTEX + (i + 1) % 3
     ends = time <= h
     h = min(time, h)
     p, v = follow(path, h, load)
     # of the flight what is along the edge: the spring is the same on all axes, so that this moves as if alone
-    p, v = plus(a, dot(_minus(p, a), e), e), _scaled(dot(v, e), e)
+    p, v = plus(a, dot(minus(p, a), e), e), scaled(dot(v, e), e)
     # both contacts take what of the force is square to the edge, linear in time
     mean = plus(force, 0.5 * h, rate)
-    move_tool(tool, p, v, _scaled(-h, plus(mean, -dot(mean, e), e)))
+    move_tool(tool, p, v, scaled(-h, plus(mean, -dot(mean, e), e)))
     if ends:
         state.feature = end
         put_triple(state.position, 0, a if end == VERTEX + i else b)
@@ -324,7 +312,7 @@ def advance_at_rest(terrain: MeshTerrain, tool: Tool, tau: float, time_left: flo
         if j == k:
             break
     # three contacts or more take all of the force
-    move_tool(tool, p, NOWHERE, _scaled(-h, plus(force, 0.5 * h, rate)))
+    move_tool(tool, p, NOWHERE, scaled(-h, plus(force, 0.5 * h, rate)))
     if exit_triangle >= 0:
         # an edge within a flat face is that face
         state.triangle = exit_triangle

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
-from hapticeval.geometry.mesh_kernels import FACE, VERTEX, _cross, _minus, corner_of, normal_of
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.mesh_kernels import FACE, VERTEX, corner_of, normal_of
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     PLACE_REACH,
@@ -57,7 +57,7 @@ def follow(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
     """
     p, v = fly_in_space(path.p, path.v, path.tau, h, load)
     # without what lies along the normal: p - (n.(p - p0)) n, and v - (n.v) n; in flight n is zero
-    p = plus(p, -dot(_minus(p, path.p), path.contact_normal), path.contact_normal)
+    p = plus(p, -dot(minus(p, path.p), path.contact_normal), path.contact_normal)
     return p, plus(v, -dot(v, path.contact_normal), path.contact_normal)
 
 
@@ -66,7 +66,7 @@ def watch(what: int, normal: Triple, anchor: Triple, path: ToolPath, h: float, l
     """Return what is watched, h seconds along a path, over the plane with this unit normal through `anchor` (m)."""
     p, v = follow(path, h, load)
     if what == HEIGHT:
-        return dot(normal, _minus(p, anchor))
+        return dot(normal, minus(p, anchor))
     if what == CLIMB:
         return dot(normal, v)
     # n.a = n.F / m, without the part of F that the contact takes
@@ -198,7 +198,7 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
             edge_direction(terrain.faces, terrain.vertices, k, i),
         )
         # n x e points into the triangle
-        inside = dot(_cross(normal_of(terrain.faces, k), e), _minus(p, a))
+        inside = dot(cross(normal_of(terrain.faces, k), e), minus(p, a))
         if inside >= -terrain.tip_reach:
             continue
         # within a flat face the neighbour has the same plane: what is past this edge lies on that, or on no triangle
@@ -206,10 +206,10 @@ def _lies_over(terrain: MeshTerrain, k: int, p: Triple) -> bool:
             return False
         b = corner_of(terrain.faces, terrain.vertices, k, (i + 1) % 3)
         # past a: e.(p - a) < 0; past b: e.(p - b) > 0
-        for corner, apex, past in ((i, a, -dot(e, _minus(p, a))), ((i + 1) % 3, b, dot(e, _minus(p, b)))):
+        for corner, apex, past in ((i, a, -dot(e, minus(p, a))), ((i + 1) % 3, b, dot(e, minus(p, b)))):
             if turns_at_corner(terrain, k, corner)[1] > 0.0:
                 # the neighbour may be narrow there: what is past this edge is then past the neighbour too
-                height = nearest_around(terrain, k, VERTEX + corner, _minus(p, apex))[0]
+                height = nearest_around(terrain, k, VERTEX + corner, minus(p, apex))[0]
                 if past > 0.0 or height > terrain.tip_reach:
                     return False
     return True
@@ -240,10 +240,10 @@ def _stays_on_one_side(
     the heights' spread is granted.
     """
     heights = (
-        dot(normal, _minus(start, anchor)),
-        dot(normal, _minus(out, anchor)),
-        dot(normal, _minus(back, anchor)),
-        dot(normal, _minus(end, anchor)),
+        dot(normal, minus(start, anchor)),
+        dot(normal, minus(out, anchor)),
+        dot(normal, minus(back, anchor)),
+        dot(normal, minus(end, anchor)),
     )
     # by more than what the path may differ from the polygon
     spread = 0.05 * (max(heights) - min(heights))
@@ -296,11 +296,11 @@ def _leads_into_face(terrain: MeshTerrain, k: int, i: int, v: Triple) -> bool:
     apex = corner_of(terrain.faces, terrain.vertices, k, i)
     j, corner = k, i
     while dot(v, v) > 0.0:
-        p = _minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 1) % 3), apex)
-        q = _minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 2) % 3), apex)
+        p = minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 1) % 3), apex)
+        q = minus(corner_of(terrain.faces, terrain.vertices, j, (corner + 2) % 3), apex)
         n = normal_of(terrain.faces, j)
         # between p and q, which bound a triangle of the face at the apex
-        if terrain.facets[j] == terrain.facets[k] and dot(_cross(n, p), v) >= 0.0 and dot(_cross(q, n), v) >= 0.0:
+        if terrain.facets[j] == terrain.facets[k] and dot(cross(n, p), v) >= 0.0 and dot(cross(q, n), v) >= 0.0:
             return True
         j, corner = next_in_fan(terrain, j, corner)
         if j == k:
@@ -332,7 +332,7 @@ def first_edge(
                 continue
             e = edge_direction(terrain.faces, terrain.vertices, j, i)
             # n x e points into the triangle: to pass the edge is to fall through the plane with that normal
-            inward = _cross(path.contact_normal, e)
+            inward = cross(path.contact_normal, e)
             a = corner_of(terrain.faces, terrain.vertices, j, i)
             b = corner_of(terrain.faces, terrain.vertices, j, (i + 1) % 3)
             if _stays_on_one_side(inward, a, path.p, out, back, end, load.rounding):
@@ -340,7 +340,7 @@ def first_edge(
             time = first_fall(inward, a, path, 0.0, h, load.rounding, load)
             while time < first:
                 p, v = follow(path, time, load)
-                past_a, past_b = -dot(_minus(p, a), e), dot(_minus(p, b), e)
+                past_a, past_b = -dot(minus(p, a), e), dot(minus(p, b), e)
                 # past this edge, and not past its ends, where others meet
                 if past_a <= PLACE_REACH and past_b <= PLACE_REACH:
                     # over its very end, by rounding, and on in the face: round a corner of more than half a turn

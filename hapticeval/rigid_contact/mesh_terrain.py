@@ -19,9 +19,6 @@ from hapticeval.geometry.mesh_kernels import (
     FACE,
     NORMAL_COLUMN,
     VERTEX,
-    _cross,
-    _minus,
-    _scaled,
     corner_of,
     neighbour_of,
     normal_of,
@@ -30,9 +27,8 @@ from hapticeval.geometry.mesh_kernels import (
     same_corner,
     vertex_of,
 )
-from hapticeval.geometry.surface import Triple, dot, plus
+from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, put_triple, scaled, triple_at
 from hapticeval.rigid_contact.force import ALIGNED_SHARE
-from hapticeval.rigid_contact.space import put_triple, triple_at
 from hapticeval.types import Array, IntArray
 
 
@@ -80,7 +76,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
     areas, flat = np.empty(n), faces.copy()
     for k in range(n):
         a = corner_of(faces, vertices, k, 0)
-        aside = _cross(_minus(corner_of(faces, vertices, k, 1), a), _minus(corner_of(faces, vertices, k, 2), a))
+        aside = cross(minus(corner_of(faces, vertices, k, 1), a), minus(corner_of(faces, vertices, k, 2), a))
         # four squares of the area: only their order matters
         areas[k] = dot(aside, aside)
     facets, anchors, turns = np.full(n, -1), np.empty((n, 3)), np.zeros((n, 3))
@@ -106,7 +102,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
                 # the farthest corner from the seed's plane, |n.(q - anchor)|
                 off = 0.0
                 for corner in range(3):
-                    q = _minus(corner_of(faces, vertices, j, corner), anchor)
+                    q = minus(corner_of(faces, vertices, j, corner), anchor)
                     off = max(off, abs(dot(normal, q)))
                 if off <= touch:
                     queue[end], facets[j] = j, count
@@ -117,7 +113,7 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
             j = neighbour_of(faces, k, i)
             if facets[j] != facets[k]:
                 # (n x p) . e is the sine, positive where the neighbour turns down
-                turns[k, i] = dot(_cross(normal_of(flat, k), normal_of(flat, j)), edge_direction(faces, vertices, k, i))
+                turns[k, i] = dot(cross(normal_of(flat, k), normal_of(flat, j)), edge_direction(faces, vertices, k, i))
     return flat, facets, anchors, turns
 
 
@@ -125,14 +121,14 @@ def merge_flat_faces(faces: Array, vertices: Array, touch: float) -> tuple[Array
 def edge_direction(faces: Array, vertices: Array, k: int, i: int) -> Triple:
     """Return the unit direction of edge i of triangle k, a row of `faces` (t, k), between `vertices` (v, 3), m."""
     a, b = corner_of(faces, vertices, k, i), corner_of(faces, vertices, k, (i + 1) % 3)
-    ab = _minus(b, a)
-    return _scaled(1.0 / math.sqrt(dot(ab, ab)), ab)
+    ab = minus(b, a)
+    return scaled(1.0 / math.sqrt(dot(ab, ab)), ab)
 
 
 @inner
 def height_over_face(terrain: MeshTerrain, k: int, p: Triple) -> float:
     """Return the height (m) of p over the flat face that triangle k belongs to."""
-    return dot(normal_of(terrain.faces, k), _minus(p, triple_at(terrain.anchors[k], 0)))
+    return dot(normal_of(terrain.faces, k), minus(p, triple_at(terrain.anchors[k], 0)))
 
 
 @inner
@@ -152,7 +148,7 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
     faces, vertices, normal = terrain.faces, terrain.vertices, normal_of(terrain.faces, k)
     for i in range(3):
         apex = corner_of(faces, vertices, k, i)
-        off, (lowest, highest) = _minus(p, apex), turns_at_corner(terrain, k, i)
+        off, (lowest, highest) = minus(p, apex), turns_at_corner(terrain, k, i)
         corner_reach = reach if lowest < 0.0 else convex_reach
         # both are zero at a corner inside of a flat face
         if lowest < highest and dot(off, off) <= corner_reach * corner_reach:
@@ -160,9 +156,9 @@ def feature_at(terrain: MeshTerrain, k: int, p: Triple, reach: float, convex_rea
     for i in range(3):
         turn = terrain.turns[k, i]
         a, e = corner_of(faces, vertices, k, i), edge_direction(faces, vertices, k, i)
-        off = _minus(p, a)
+        off = minus(p, a)
         # n x e points into the triangle
-        if turn != 0.0 and dot(_cross(normal, e), off) <= (convex_reach if turn > 0.0 else reach):
+        if turn != 0.0 and dot(cross(normal, e), off) <= (convex_reach if turn > 0.0 else reach):
             return EDGE + i, plus(a, dot(off, e), e)
     return FACE, plus(p, -height_over_face(terrain, k, p), normal)
 
@@ -199,15 +195,15 @@ def nearest_around(terrain: MeshTerrain, k: int, feature: int, d: Triple) -> tup
     j = neighbour_of(terrain.faces, k, i)
     e, p = edge_direction(terrain.faces, terrain.vertices, k, i), normal_of(terrain.faces, j)
     # d = (d.e) e + what lies in the wedge's section; its heights over the two faces
-    on_edge, height_across = _scaled(dot(d, e), e), dot(p, d)
+    on_edge, height_across = scaled(dot(d, e), e), dot(p, d)
     # directions from the edge into either face: where d has a part along one, its foot may lie there
     best_height, best, foot = math.inf, k, on_edge
-    if dot(_cross(n, e), d) > 0.0:
+    if dot(cross(n, e), d) > 0.0:
         best_height, foot = height, plus(d, -height, n)
-    if dot(_cross(e, p), d) > 0.0 and abs(height_across) < abs(best_height):
+    if dot(cross(e, p), d) > 0.0 and abs(height_across) < abs(best_height):
         best_height, best, foot = height_across, j, plus(d, -height_across, p)
     # neither face has a foot, or to rounding it is that on the edge
-    aside, apart = _minus(d, on_edge), _minus(foot, on_edge)
+    aside, apart = minus(d, on_edge), minus(foot, on_edge)
     if math.sqrt(dot(apart, apart)) <= ALIGNED_SHARE * math.sqrt(dot(d, d)):
         # the side by the mean of both normals
         return math.copysign(math.sqrt(dot(aside, aside)), dot(plus(n, 1.0, p), aside)), k, feature, on_edge
@@ -225,18 +221,18 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
     j, corner = k, i
     while True:
         n, after, corner_after = normal_of(faces, j), *next_in_fan(terrain, j, corner)
-        p = _minus(corner_of(faces, vertices, j, (corner + 1) % 3), apex)
-        q = _minus(corner_of(faces, vertices, j, (corner + 2) % 3), apex)
+        p = minus(corner_of(faces, vertices, j, (corner + 1) % 3), apex)
+        q = minus(corner_of(faces, vertices, j, (corner + 2) % 3), apex)
         height = dot(n, d)
         # d projects into this triangle: p and q bound it at the apex
-        if abs(height) < abs(best_height) and dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
+        if abs(height) < abs(best_height) and dot(cross(n, p), d) >= 0.0 and dot(cross(q, n), d) >= 0.0:
             best_height, best, foot = height, j, plus(d, -height, n)
         along = dot(p, d)
         # the edge p, unless it lies inside of a flat face
         if along > 0.0 and terrain.turns[j, corner] != 0.0:
             # (d.p / p.p) p, the foot of d on that edge
-            part = _scaled(along / dot(p, p), p)
-            aside = _minus(d, part)
+            part = scaled(along / dot(p, p), p)
+            aside = minus(d, part)
             if dot(aside, aside) < best_edge_square:
                 best_edge_square, best_edge, edge_corner, on_edge = dot(aside, aside), j, corner, part
                 edge_side = dot(plus(n, 1.0, normal_of(faces, after)), aside)
@@ -245,7 +241,7 @@ def _nearest_in_fan(terrain: MeshTerrain, k: int, i: int, d: Triple) -> tuple[fl
             break
     # the edge, where no face has a foot, none as close, or to rounding the same one
     if best_edge >= 0:
-        apart = _minus(foot, on_edge)
+        apart = minus(foot, on_edge)
         if best < 0 or best_edge_square < best_height * best_height or dot(apart, apart) <= rounding * rounding:
             best_height = math.copysign(math.sqrt(best_edge_square), edge_side)
             best, best_feature, foot = best_edge, EDGE + edge_corner, on_edge
@@ -287,7 +283,7 @@ def pulls_into(terrain: MeshTerrain, k: int, feature: int, force: Triple) -> tup
         i = feature - EDGE
         e, j = edge_direction(faces, vertices, k, i), neighbour_of(faces, k, i)
         # square to the edge, up either face
-        pull, other = -dot(_cross(normal_of(faces, k), e), force), -dot(_cross(e, normal_of(faces, j)), force)
+        pull, other = -dot(cross(normal_of(faces, k), e), force), -dot(cross(e, normal_of(faces, j)), force)
         return min(pull, other), max(pull, other)
     weakest, strongest, j, corner = math.inf, -math.inf, k, feature - VERTEX
     while True:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled, inner, numbers_of, record_type
-from hapticeval.geometry.surface import Triple, plus, triple_of
+from hapticeval.compiled import compiled, numbers_of, record_type
+from hapticeval.geometry.triples import Triple, plus, put_triple, triple_of
 from hapticeval.rigid_contact.force import (
     FLIGHT,
     Stretches,
@@ -43,18 +43,6 @@ class Tool(NamedTuple):
 def state_in_flight(point: Array, velocity: Array) -> Array:
     """Return the numbers of a `SPACE_TOOL` that flies from a point (3,), m, with a velocity (3,), m/s."""
     return numbers_of(SPACE_TOOL, mode=FLIGHT, triangle=0.0, feature=0.0, position=point, velocity=velocity)
-
-
-@inner
-def triple_at(row: Array, first: int) -> Triple:
-    """Return the vector, of any unit such as m, that stands in a row (n,) from place `first` on."""
-    return row[first], row[first + 1], row[first + 2]
-
-
-@inner
-def put_triple(row: Array, first: int, a: Triple) -> None:
-    """Write a vector, of any unit such as m, into a row (n,) from place `first` on."""
-    row[first], row[first + 1], row[first + 2] = a
 
 
 @compiled

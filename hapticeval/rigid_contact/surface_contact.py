@@ -17,18 +17,8 @@ import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between
 from hapticeval.compiled import as_record, compiled
-from hapticeval.geometry.surface import (
-    ELLIPSOID,
-    SPHERE,
-    SURFACE,
-    TORUS,
-    Surface,
-    Triple,
-    closest_on_surface,
-    dot,
-    plus,
-    triple_of,
-)
+from hapticeval.geometry.surface import ELLIPSOID, SPHERE, SURFACE, TORUS, Surface, closest_on_surface
+from hapticeval.geometry.triples import Triple, dot, plus, put_triple, triple_at, triple_of
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     FLIGHT,
@@ -50,10 +40,8 @@ from hapticeval.rigid_contact.space import (
     force_in_space,
     log_in_space,
     move_tool,
-    put_triple,
     state_in_flight,
     strike_tool,
-    triple_at,
     where_given_up,
 )
 from hapticeval.types import Array

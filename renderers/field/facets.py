@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.compiled import as_record, inner, law_data, record_type
-from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.renderer import CompiledStep, Declaration, Spring
 from hapticeval.renderers.projective import LawRenderer, once
 from hapticeval.types import Array

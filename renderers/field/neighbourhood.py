@@ -50,7 +50,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
-from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.renderers.field.facets import FACET, OnFacets, facets_of, way_off
 from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray

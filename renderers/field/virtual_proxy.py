@@ -51,7 +51,7 @@ import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
 from hapticeval.geometry.mesh_kernels import closest_in_cone
-from hapticeval.geometry.surface import Triple, dot, plus, triple_of
+from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.renderers.field.facets import FACET, OnFacets, way_off
 from hapticeval.types import Array
 
