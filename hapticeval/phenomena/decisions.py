@@ -271,7 +271,7 @@ DETOUR_BOUNDS = 2.0
 Derived: a place that is off the line by a bound makes it longer by one there and one back. Doubled, steps may pass two
 bounds beside."""
 
-# flights
+# steps
 
 FLIGHT_BOUNDS = 2.0 * DETOUR_BOUNDS
 """Bounds beyond which a step may be a flight: both ends of a shorter one lie within `DETOUR_BOUNDS` of one place.

@@ -38,7 +38,8 @@ from hapticeval.phenomena.decisions import (
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
-from hapticeval.phenomena.sampling import hip_steps, holding, rounding, touching
+from hapticeval.phenomena.sampling import touching
+from hapticeval.phenomena.steps import contact_steps, largest_jump
 from hapticeval.recordings.recording import Recording, single_rounding
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -81,66 +82,6 @@ class JumpPlace:
     remaining: float
     slope: float
     scales: tuple[Scale, ...]
-
-
-def contact_steps(recording: Recording, scene: Scene) -> Array:
-    """Return how far the IHIP moves to each sample from the one before, where both are in contact, else 0: (n,), m.
-
-    A contact ends with its contact point, though a late force may linger.
-    """
-    contact = holding(recording, scene)
-    steps = np.zeros(len(recording))
-    steps[1:] = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
-    steps[1:][~(contact[1:] & contact[:-1])] = 0.0
-    return steps
-
-
-def recent_steps(recording: Recording) -> Array:
-    """Return how far in a tick the hand has lately moved, up to each sample: (n,), m.
-
-    A proxy may be late by three ticks. One that waits for them answers a step of the hand up to three ticks after it,
-    and one that nears the hand with a time constant of three ticks by e^(-1/3) less in each tick beyond.
-    """
-    steps = np.concatenate([[0.0], hip_steps(recording)])
-    # The longest of the step and of the three before it.
-    window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
-    ticks = np.arange(steps.size) / LAG_TICKS
-    with np.errstate(divide="ignore"):
-        # max over j <= i of step_j e^(-(i - j) / 3), as a running maximum in the logarithm
-        fading = np.exp(np.maximum.accumulate(np.log(steps) + ticks) - ticks)
-    # A step fades only behind the three ticks in which it counts whole.
-    window[LAG_TICKS:] = np.maximum(window[LAG_TICKS:], fading[:-LAG_TICKS])
-    return np.asarray(window)
-
-
-def step_bounds(recording: Recording, scene: Scene, ticks: float, standoff: float) -> Array:
-    """Return how far the IHIP may move to each sample, (n,), m: recent steps of so many `ticks`, and the standoff.
-
-    Not less than rounding, which moves it where the hand rests.
-    """
-    return np.asarray(np.maximum(ticks * recent_steps(recording), rounding(scene)) + standoff)
-
-
-def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float, int]:
-    """Return the step in contact that is farthest above its bound of `bounds` (n,), m, and the tick at its end.
-
-    Where no step is above, the longest one; 0 m at tick 0 where no two samples in a row are in contact.
-    """
-    steps = contact_steps(recording, scene)
-    # How far above its bound; where there is no step in contact there is nothing to be above.
-    above = np.where(steps > 0.0, steps - bounds, -math.inf)
-    tick = int(np.argmax(above))
-    return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording, scene)
-
-
-def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
-    """Return the largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    contact = holding(recording, scene)
-    if not (contact[1:] & contact[:-1]).any():
-        return 0.0, 0
-    steps = contact_steps(recording, scene)
-    tick = int(np.argmax(steps[1:])) + 1
-    return float(steps[tick]), tick
 
 
 def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> int | None:

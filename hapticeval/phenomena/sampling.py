@@ -22,7 +22,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.quantity import format_number
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import quantization_step
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference, runs_of
+from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording, backward_difference, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -250,6 +250,15 @@ def position_tolerance(recording: Recording, scene: Scene) -> float:
     return LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
 
 
+def across_allowed(base: Recording, scene: Scene) -> float:
+    """Return how far the renderer's surface may lie off the model, m, with the rounding of positions.
+
+    By what it declares: its standoff, or where it declares a resolution only, that.
+    """
+    digits = log_step(base, "hip", "ihip")
+    return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
+
+
 def force_depth(scene: Scene) -> float:
     """Return the depth, m, under which nothing is judged: `FORCE_DEPTH` of the model's size."""
     return FORCE_DEPTH * scene.model.size
@@ -324,6 +333,11 @@ def evidence_at(recording: Recording, tick: int) -> dict[str, object]:
 def listed(point: Array) -> list[float]:
     """Return a point (N,) as a JSON value."""
     return [float(x) for x in point]
+
+
+def digits_kept(change: float, size: float) -> float:
+    """Return how many digits of a `size`, m, hold where answers change by so much, m: 16 at the most."""
+    return -math.log10(max(change / size, DOUBLE))
 
 
 def mm(*lengths: float) -> str:

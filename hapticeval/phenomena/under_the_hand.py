@@ -15,10 +15,19 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
-from hapticeval.phenomena.jumps import recent_steps
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, holding, mm, resolution, rounding, touching, worst_row
+from hapticeval.phenomena.sampling import (
+    across_allowed,
+    evidence_at,
+    hip_steps,
+    holding,
+    mm,
+    resolution,
+    rounding,
+    touching,
+    worst_row,
+)
+from hapticeval.phenomena.steps import recent_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of

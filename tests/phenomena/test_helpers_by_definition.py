@@ -36,11 +36,7 @@ from hapticeval.phenomena.jumps import (
     _sub_steps,
     _suspect_stretches,
     aitken,
-    largest_jump,
     lets_go,
-    recent_steps,
-    step_bounds,
-    worst_step,
 )
 from hapticeval.phenomena.lag import (
     Lag,
@@ -70,6 +66,7 @@ from hapticeval.phenomena.sampling import (
     trailing,
     worst_row,
 )
+from hapticeval.phenomena.steps import largest_jump, recent_steps, step_bounds, worst_step
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
 from hapticeval.scene import Scene
 

@@ -16,7 +16,6 @@ from hapticeval.phenomena.checks.contact_kept import _rests_where_contact_ended
 from hapticeval.phenomena.checks.continuous_contact import (
     _fault_of_sibling,
     _find_off_surface,
-    _with_steps_of_pieces,
     amplification,
     coarsened_slope,
 )
@@ -37,6 +36,7 @@ from hapticeval.phenomena.jumps import (
 from hapticeval.phenomena.regions import nearest_jump
 from hapticeval.phenomena.restated import answers_apart
 from hapticeval.phenomena.sampling import lacks_ihip
+from hapticeval.phenomena.steps import with_steps_of_pieces
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.recordings.recording import OWN_TOOL
@@ -228,7 +228,7 @@ class TestContinuity:
             there = np.array_equal(hip, base.hip[6 - late])
             return base.ihip[6] if there else before + np.array([0.0, 1.0])
 
-        answer = _with_steps_of_pieces(base, LINE, bounds, SimpleNamespace(descend=descend))
+        answer = with_steps_of_pieces(base, LINE, bounds, SimpleNamespace(descend=descend))
         assert answer[6] == pytest.approx(5e-3 + STEP if raised else 3.0 * STEP)
         assert np.all(np.delete(answer, 6) == 3.0 * STEP)
 

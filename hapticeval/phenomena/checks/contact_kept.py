@@ -9,7 +9,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.sampling import (
     above_force_floor,
-    believed_standoff,
+    across_allowed,
     clear_of_surface,
     declares_force_only,
     evidence_at,
@@ -17,10 +17,8 @@ from hapticeval.phenomena.sampling import (
     hip_steps,
     lacks_ihip,
     listed,
-    log_step,
     mm,
     resolution,
-    rounding,
     touching,
     trailing,
     worst_row,
@@ -107,15 +105,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "the tool's way"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
-
-
-def across_allowed(base: Recording, scene: Scene) -> float:
-    """Return how far the renderer's surface may lie off the model, m, with the rounding of positions.
-
-    By what it declares: its standoff, or where it declares a resolution only, that.
-    """
-    digits = log_step(base, "hip", "ihip")
-    return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 
 def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:

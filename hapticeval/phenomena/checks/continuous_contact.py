@@ -9,16 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.effect import Alters
-from hapticeval.geometry.boundary import Boundary, distance_between
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.phenomena.check import Check, Closer, Runs, without_ihip
-from hapticeval.phenomena.checks.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
     COARSENINGS,
     CONFIRMED_SHARE,
     CONFIRMING_RATES,
-    DESCENT_SHARE,
-    DETOUR_BOUNDS,
     HALF_LAG_STEPS,
     JUMP_SLOPE,
     LAG_TICKS,
@@ -30,22 +27,10 @@ from hapticeval.phenomena.decisions import (
     SHRINKING_SLOPE,
     STILL_STEP_SHARE,
 )
-from hapticeval.phenomena.flights import allow_flights
-from hapticeval.phenomena.jumps import (
-    JumpPlace,
-    Remains,
-    aitken,
-    contact_steps,
-    jump_at_rate,
-    largest_jump,
-    lets_go,
-    look_closer,
-    recent_steps,
-    step_bounds,
-    worst_step,
-)
+from hapticeval.phenomena.jumps import JumpPlace, Remains, aitken, jump_at_rate, lets_go, look_closer
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.sampling import (
+    across_allowed,
     as_sensed,
     believed_standoff,
     evidence_at,
@@ -59,6 +44,15 @@ from hapticeval.phenomena.sampling import (
     standoff,
     touching,
     worst_row,
+)
+from hapticeval.phenomena.steps import (
+    bounds_with_flights,
+    contact_steps,
+    largest_jump,
+    recent_steps,
+    step_bounds,
+    with_steps_of_pieces,
+    worst_step,
 )
 from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
@@ -183,24 +177,19 @@ def _continuous_message(base: Recording, scene: Scene, jump: float) -> str:
     return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
 
 
-def _step_bounds(recording: Recording, scene: Scene, ticks: float, gap: float) -> Array:
-    """Return how far the IHIP may move to each sample, (n,), m: see `step_bounds`; by a flight, wherever that ends."""
-    return allow_flights(recording, scene, step_bounds(recording, scene, ticks, gap))
-
-
 def _judge_refined(
     base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None
 ) -> Finding:
     """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
     surface_gap = standoff(base, scene)
-    jump, worst = worst_step(base, scene, _step_bounds(base, scene, LAG_TICKS, surface_gap))
+    jump, worst = worst_step(base, scene, bounds_with_flights(base, scene, LAG_TICKS, surface_gap))
     tick = worst if tick is None else tick
     evidence = _jump_evidence(base, scene, tick)
     jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
         fine = refine(factor)
-        bounds = _step_bounds(fine, scene, LAG_TICKS, surface_gap)
+        bounds = bounds_with_flights(fine, scene, LAG_TICKS, surface_gap)
         jump, worst = worst_step(fine, scene, bounds)
         jumps.append(jump)
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
@@ -272,9 +261,9 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
     surface_gap = standoff(base, scene)
-    bounds = _step_bounds(base, scene, HALF_LAG_STEPS, surface_gap)
+    bounds = bounds_with_flights(base, scene, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
-        bounds = _with_steps_of_pieces(base, scene, bounds, pieces)
+        bounds = with_steps_of_pieces(base, scene, bounds, pieces)
     place = look_closer(look, scene, bounds=bounds, standoff=surface_gap)
     if place is None:
         steps = contact_steps(base, scene)
@@ -342,29 +331,6 @@ def _jump_without_nearest_point(look: Closer, scene: Scene, bounds: Array, surfa
     return place if place is not None and place.kind is Remains.STAYS else None
 
 
-def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: Boundary) -> Array:
-    """Return `bounds` (n,), m, raised where a step is one that a tool takes which slides on the given pieces.
-
-    Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b, from the edge to where the next
-    piece is nearest.
-
-    The renderer's step may end anywhere on the way from its last IHIP to where such a tool gets to, for a hand up to
-    three ticks old: off that way by as much as any step may be long, there and back.
-    """
-    steps, raised = contact_steps(base, scene), bounds.copy()
-    for tick in np.flatnonzero(steps > bounds):
-        before, now = base.ihip[tick - 1], base.ihip[tick]
-        # A late renderer slides to a hand of up to three ticks ago.
-        for hip in base.hip[max(int(tick) - LAG_TICKS, 0) : tick + 1]:
-            slid = pieces.descend(before, hip, step=DESCENT_SHARE * float(bounds[tick]))
-            # |before now| + |now slid| - |before slid|: 0 on the straight way from the last IHIP to the slid tool.
-            detour = steps[tick] + distance_between(now, slid) - distance_between(before, slid)
-            if detour <= DETOUR_BOUNDS * bounds[tick]:
-                raised[tick] = steps[tick]
-                break
-    return raised
-
-
 def _shrinking_slope(jumps: list[float]) -> float:
     """Return how fast the jump shrinks with the step: the slope of log2(jump) over halvings, over all refinements.
 
@@ -427,7 +393,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     - where kappa d comes close to 1: there a long step may be honest;
     - where the step grows when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    bounds = _step_bounds(base, scene, LAG_TICKS, standoff(base, scene))
+    bounds = bounds_with_flights(base, scene, LAG_TICKS, standoff(base, scene))
     jump, tick = worst_step(base, scene, bounds)
     ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     # kappa d, with the largest curvature at either end of the step

@@ -9,9 +9,8 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.closed_paths import laps
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
-from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_row
+from hapticeval.phenomena.sampling import digits_kept, evidence_at, lacks_ihip, mm, touching, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
-from hapticeval.recordings.recording import DOUBLE
 from hapticeval.scene import Scene
 
 
@@ -46,8 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
         if excess_and_change > (largest_excess, largest_change):
             (largest_excess, largest_change), worst, number = excess_and_change, first + period + row, count
-    # Digits of the model's size that the answers keep, 16 at the most.
-    digits = -math.log10(max(largest_change / size, DOUBLE))
+    digits = digits_kept(largest_change, size)
     ticks = sum(period * count for _, period, count in lap_runs)
     evidence = {**evidence_at(base, worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
     return compared(

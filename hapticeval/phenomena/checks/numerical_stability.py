@@ -21,6 +21,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
+    digits_kept,
     evidence_at,
     hip_steps,
     lacks_ihip,
@@ -31,7 +32,7 @@ from hapticeval.phenomena.sampling import (
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
-from hapticeval.recordings.recording import DOUBLE, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -100,7 +101,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
     # Without an excess the answer with the fewest digits is shown.
     worst = worst_row(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf))
-    digits = -math.log10(max(float(change[clear].max(initial=0.0)) / size, DOUBLE))
+    digits = digits_kept(float(change[clear].max(initial=0.0)), size)
     motion_name = answering_runs[int(np.argmax(apart[:, worst]))][0]
     # The distance from the surface is that of the run as it is, and not of a motion.
     if on_surface[worst] == change[worst]:
@@ -125,9 +126,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         },
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
         f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
-        fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} "
-        f"of the model's size: {math.floor(max(0.0, -math.log10(max(float(change[worst]) / size, DOUBLE))))} digits "
-        "are left",
+        fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
+        f"the model's size: {math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
     )
 
 
