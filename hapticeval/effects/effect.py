@@ -82,7 +82,6 @@ class Part(NamedTuple):
 def number(
     unit: str,
     *,
-    above: float = 0.0,
     at: bool = False,
     finite: bool = True,
     default: Any = MISSING,
@@ -90,9 +89,9 @@ def number(
 ) -> Any:
     """Declare a field of an effect that is a number with a `unit` (or a key of `PER_JOINT`) and a range.
 
-    It must be greater than `above`, or `at` it too, and finite unless it need not be.
+    It must be greater than zero, or `at` it too, and finite unless it need not be.
     """
-    metadata = {"unit": unit, "above": above, "at": at, "finite": finite}
+    metadata = {"unit": unit, "at": at, "finite": finite}
     return field(metadata=metadata, default=default, compare=compare)
 
 
@@ -120,9 +119,7 @@ class Effect:
             value, allowed = getattr(self, number_field.name), number_field.metadata
             if not allowed or value is None:  # no `number`, or one that is not given
                 continue
-            sound = isinstance(value, int | float) and (
-                value >= allowed["above"] if allowed["at"] else value > allowed["above"]
-            )
+            sound = isinstance(value, int | float) and (value >= 0.0 if allowed["at"] else value > 0.0)
             if not sound or (allowed["finite"] and not math.isfinite(value)):
                 bound = "not negative" if allowed["at"] else "positive"
                 raise InputError(

@@ -152,9 +152,7 @@ def _undamped_other_force(
     `velocity` (rows, N), m/s, is the hand's at every tick; `sizes` (n,), N, and `depths` (n,), m, are the force's and
     the depths at `ticks`. A law may know the curvature where none is declared; the rest is coarse or rounded numbers.
     """
-    bending = np.zeros(ticks.size)
-    if "spring" not in base.meta:
-        bending = scene.mass * _curvature_acceleration(base, scene, velocity, ticks)
+    bending = _curvature_force(base, scene, velocity, ticks)
     # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
     position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
     position_rounding += 0.5 * log_step(base, "hip", "ihip")
@@ -222,24 +220,21 @@ def largest_other_force(base: Recording, scene: Scene) -> Array:
     velocity = hand_velocity(base)
     sinking = backward_difference(base.hip - base.ihip, base.time)
     speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
-    bent = (
-        np.zeros(len(base))
-        if "spring" in base.meta
-        else _curvature_acceleration(base, scene, velocity, np.arange(len(base)))
-    )
-    return np.asarray(scene.damping * speed + scene.mass * bent)
+    return np.asarray(scene.damping * speed + _curvature_force(base, scene, velocity, np.arange(len(base))))
 
 
-def _curvature_acceleration(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
-    """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: what a law may add that knows it.
+def _curvature_force(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
+    """Return m |kappa| v^2 of the way along the surface (3.8), (n,), N, at `ticks` (n,): what a law may add beside it.
 
-    With v the speed of the hand, or of the IHIP since the tick before or to the next, whichever is largest: where the
-    curvature jumps, so does the IHIP's speed.
+    A declared spring adds nothing. v is the speed of the hand, or of the IHIP since the tick before or to the next,
+    whichever is largest: where the curvature jumps, so does the IHIP's speed.
     """
+    if "spring" in base.meta:
+        return np.zeros(ticks.size)
     shape = scene.model.boundary.closest_point(base.ihip[ticks]).shape
     largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
     sliding = backward_difference(base.ihip, base.time)
     after = np.minimum(ticks + 1, len(base) - 1)
     speeds = (np.linalg.norm(velocities, axis=1) for velocities in (velocity[ticks], sliding[ticks], sliding[after]))
     speed = np.max([*speeds], axis=0)
-    return np.asarray(largest * speed**2)
+    return np.asarray(scene.mass * (largest * speed**2))

@@ -22,7 +22,7 @@ from hapticeval.phenomena.lag import force_lag
 from hapticeval.phenomena.stiffness import (
     ApparentStiffness,
     _calls_for_force,
-    _curvature_acceleration,
+    _curvature_force,
     _stiffness_share,
     _sure_depth,
     largest_other_force,
@@ -311,7 +311,7 @@ class TestCauses:
         assert _describe_missing_force(shallow, LINE, strong, silent) is None, "small as its depth is, it is too large"
 
 
-def test_the_curvature_s_acceleration_takes_the_largest_speed_of_hand_and_tool_around_a_tick():
+def test_the_curvature_s_force_takes_the_largest_speed_of_hand_and_tool_around_a_tick():
     angle = 1e-3 * np.arange(COUNT)
     angle[38:] += 1e-3  # one step is twice as long
     out = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -319,7 +319,9 @@ def test_the_curvature_s_acceleration_takes_the_largest_speed_of_hand_and_tool_a
     ticks = np.arange(COUNT)
     hand = np.where(ticks == 5, 0.3, 0.0)[:, np.newaxis] * np.array([1.0, 0.0])
     expected = np.where(ticks == 5, 0.3, np.where((ticks == 37) | (ticks == 38), 0.2, 0.1))
-    np.testing.assert_allclose(_curvature_acceleration(base, scene, hand, ticks), 10.0 * expected**2, rtol=1e-5)
+    np.testing.assert_allclose(_curvature_force(base, scene, hand, ticks), 0.1 * 10.0 * expected**2, rtol=1e-5)
+    springy = changed(base, meta={"spring": "error"})
+    assert not _curvature_force(springy, scene, hand, ticks).any(), "a declared spring adds nothing"
 
 
 class TestEnergy:
