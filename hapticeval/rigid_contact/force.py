@@ -1,5 +1,7 @@
 """What the operator does to the tool in one stretch of time, in the plane and in space, and how it flies under that.
 
+How slides are integrated, and in what steps, stands here too.
+
 The operator's force on the tool is, within one stretch of time,
 
     F_o = g0 + g1 tau - k y - d y',      tau from the start of the stretch,
@@ -17,6 +19,8 @@ from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from hapticeval.compiled import compiled, inner, record_type
 from hapticeval.types import Array, IntArray
@@ -82,6 +86,21 @@ LONGEST_STEP = 0.1
 That is the spring's 1 / omega, or the time in which the boundary changes its direction by one radian. The order of the
 method (six) then leaves errors of some 1e-12 m and 1e-10 m/s on a 0.2 m model.
 """
+
+
+STAGES = np.array(
+    [
+        # what earlier rates count for, and what their sum is divided by; then the time, as a fraction
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 1.0, 3.0],
+        [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 2.0, 3.0],
+        [1.0, 4.0, -1.0, 0.0, 0.0, 0.0, 12.0, 1.0, 3.0],
+        [-1.0, 18.0, -3.0, -6.0, 0.0, 0.0, 16.0, 1.0, 2.0],
+        [0.0, 9.0, -3.0, -6.0, 4.0, 0.0, 8.0, 1.0, 2.0],
+        [9.0, -36.0, 63.0, 72.0, 0.0, -64.0, 44.0, 1.0, 1.0],
+    ]
+)
+"""Butcher's sixth-order method, a row a stage."""
 
 
 class Stretches(NamedTuple):
@@ -150,6 +169,14 @@ def fly_along_axis(
         base + drift * h + p * even + (w + half * p) * odd,
         drift + w * even - (half * w + omega * omega * p) * odd,
     )
+
+
+@inner
+def gained_in_step(rates: Array, column: int, h: float) -> float:
+    """Return what a quantity, such as a place in m, gains in h seconds, by its `rates` (7, k) at `STAGES`."""
+    r = rates[:, column]
+    # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
+    return float(h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0)
 
 
 @compiled

@@ -24,7 +24,6 @@ import numpy as np
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import as_record, compiled, record_type, room_for
 from hapticeval.geometry.kernels import PIECE, UNBOUNDED, piece_index
-from hapticeval.rigid_contact.collision import BoundaryCells, first_entry, prepare_boundary
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -42,7 +41,7 @@ from hapticeval.rigid_contact.force import (
     Stretches,
     longest_flight_step,
 )
-from hapticeval.rigid_contact.motion import (
+from hapticeval.rigid_contact.plane_motion import (
     Slide,
     contact_force,
     fly_for,
@@ -51,6 +50,7 @@ from hapticeval.rigid_contact.motion import (
     slide_for,
     surface_frame,
 )
+from hapticeval.rigid_contact.plane_search import BoundaryCells, first_entry, prepare_boundary
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 

@@ -27,10 +27,11 @@ from hapticeval.rigid_contact.force import (
     LOAD,
     MOST_SAMPLE_STEPS,
     SLIDE,
+    STAGES,
     Stretches,
+    gained_in_step,
     longest_flight_step,
 )
-from hapticeval.rigid_contact.motion import STAGES
 from hapticeval.rigid_contact.space import (
     SPACE_TOOL,
     Tool,
@@ -136,9 +137,7 @@ def slide_in_space(
             # m y'' = F_o + N n
             rates[k, 3 + axis] = (force[axis] + contact * normal[axis]) / load.mass
     for c in range(9):
-        r = rates[:, c]
-        # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
-        totals[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
+        totals[c] = gained_in_step(rates, c, h)
     # what the method leaves across the surface goes
     place, velocity = onto_surface(reals, plus(p, 1.0, triple_at(totals, 0)), plus(v, 1.0, triple_at(totals, 3)))
     return place, velocity, triple_at(totals, 6)

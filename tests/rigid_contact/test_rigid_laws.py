@@ -12,7 +12,7 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, 
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.rigid_contact import ideal
 from hapticeval.rigid_contact.force import LOAD
-from hapticeval.rigid_contact.motion import slide_for
+from hapticeval.rigid_contact.plane_motion import slide_for
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 

@@ -20,7 +20,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
 from hapticeval.geometry.kernels import ARC, LINE, LINE_PIECE, PIECE, UNBOUNDED, evaluate, evaluate_many
 from hapticeval.rigid_contact.force import SEAM_REACH
-from hapticeval.rigid_contact.motion import fly_for
+from hapticeval.rigid_contact.plane_motion import fly_for
 from hapticeval.types import Array
 
 Flight: TypeAlias = tuple[float, float, float, float, float]

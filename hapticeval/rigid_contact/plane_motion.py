@@ -14,7 +14,9 @@ from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.rigid_contact.force import (
     LONGEST_STEP,
+    STAGES,
     fly_along_axis,
+    gained_in_step,
     oscillation_of,
 )
 from hapticeval.types import Array
@@ -59,21 +61,6 @@ def contact_force(piece: Array, u: float, w: float, tau: float, load: Any) -> tu
     return -(fx * ty - fy * tx) - load.mass * curvature * w * w, fx * tx + fy * ty
 
 
-STAGES = np.array(
-    [
-        # what earlier rates count for, and what their sum is divided by; then the time, as a fraction
-        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
-        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 1.0, 3.0],
-        [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 2.0, 3.0],
-        [1.0, 4.0, -1.0, 0.0, 0.0, 0.0, 12.0, 1.0, 3.0],
-        [-1.0, 18.0, -3.0, -6.0, 0.0, 0.0, 16.0, 1.0, 2.0],
-        [0.0, 9.0, -3.0, -6.0, 4.0, 0.0, 8.0, 1.0, 2.0],
-        [9.0, -36.0, 63.0, 72.0, 0.0, -64.0, 44.0, 1.0, 1.0],
-    ]
-)
-"""Butcher's sixth-order method, a row a stage."""
-
-
 @compiled
 def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Any) -> tuple[float, float, float, float]:
     """Return (du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile.
@@ -98,9 +85,7 @@ def slide_for(piece: Array, slide: Slide, tau: float, h: float, load: Any) -> tu
         # the impulse grows by N nu
         rates[k, 2], rates[k, 3] = contact * ty, -contact * tx
     for c in range(4):
-        r = rates[:, c]
-        # the method's weights: 11, 0, 81, 81, -32, -32, 11 over 120
-        totals[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
+        totals[c] = gained_in_step(rates, c, h)
     return grown + totals[0], w + totals[1], totals[2], totals[3]
 
 
