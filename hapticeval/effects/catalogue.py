@@ -45,14 +45,16 @@ class Entry(NamedTuple):
 
 VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
 FRICTION, VISCOUS_FRICTION, LUGRE = "friction", "viscous-friction", "lugre"
+SHADING, STOCHASTIC_TEXTURE = "shading", "stochastic-texture"
+HEIGHT_MAP, BUMP_MAP = "height-map", "bump-map"
+CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE = "contact-impulse", "contact-transient", "recorded-impulse"
+SATURATION, JOINT_FRICTION = "saturation", "joint-friction"
 """Kinds that other rooms ask for by name."""
 
 EFFECTS: dict[str, Entry] = {
-    "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
-    "height-map": Entry(
-        ".reliefs:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
-    ),
-    "bump-map": Entry(".reliefs:BumpMap", "the normal is turned by a relief (4.16)"),
+    SHADING: Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
+    HEIGHT_MAP: Entry(".reliefs:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"),
+    BUMP_MAP: Entry(".reliefs:BumpMap", "the normal is turned by a relief (4.16)"),
     FRICTION: Entry(
         ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
     ),
@@ -60,7 +62,7 @@ EFFECTS: dict[str, Entry] = {
         ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
     ),
     LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
-    "stochastic-texture": Entry(
+    STOCHASTIC_TEXTURE: Entry(
         ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
     ),
     VISCOSITY: Entry(
@@ -68,11 +70,9 @@ EFFECTS: dict[str, Entry] = {
         "the surface brakes the tool that slides along it (7.18)",
         {"viscosity": "coefficient"},
     ),
-    "contact-impulse": Entry(
-        ".transients:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
-    ),
-    "contact-transient": Entry(".transients:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"),
-    "recorded-impulse": Entry(".transients:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"),
+    CONTACT_IMPULSE: Entry(".transients:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"),
+    CONTACT_TRANSIENT: Entry(".transients:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"),
+    RECORDED_IMPULSE: Entry(".transients:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"),
     "encoder": Entry(
         ".sensors:Encoder", short={"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
     ),
@@ -82,9 +82,9 @@ EFFECTS: dict[str, Entry] = {
         "the hand's force is measured, and the tool moves along the surface as under that force (8.6)",
         {"imperfections.force_sensor": ""},
     ),
-    "saturation": Entry(".actuators:Saturation", short={"imperfections.torque_limit": "limit"}),
+    SATURATION: Entry(".actuators:Saturation", short={"imperfections.torque_limit": "limit"}),
     "delay": Entry(".actuators:Delay", short={"imperfections.delay": "time"}),
-    "joint-friction": Entry(".actuators:JointFriction", short={"imperfections.friction": "torque"}),
+    JOINT_FRICTION: Entry(".actuators:JointFriction", short={"imperfections.friction": "torque"}),
 }
 """Kind -> entry, in the order in which effects take part in a tick; see `in_order`."""
 

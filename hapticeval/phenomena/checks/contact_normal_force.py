@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import JOINT_FRICTION, SATURATION
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
@@ -191,18 +192,15 @@ def _force_deviation(
         # k = |F| / |e|: the apparent stiffness of each row, as the spring is linear in the error.
         stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
         # F = k (IHIP - HIP) drawn to the HIP of the lag: F + k (HIP_now - HIP_then)
-        force = force + stiffness * (recording.hip[pressed_rows] - _answered_hips(recording, pressed_rows, lag))
+        # the HIPs that the IHIPs answer: of `lag` ticks before, and those that it has rested
+        answered = delayed(recording.hip, pressed_rows - resting_ticks(recording.ihip)[pressed_rows], lag)
+        force = force + stiffness * (recording.hip[pressed_rows] - answered)
     return _angles(force, scene, angle_outside)
 
 
 def _angles(vectors: Array, scene: Scene, angle_outside: Callable[[Array], Array]) -> Array:
     """Return what `angle_outside` measures of vectors (n, N): (n,), rad, up to sign on a bilateral constraint."""
     return np.minimum(angle_outside(vectors), angle_outside(-vectors)) if scene.bilateral else angle_outside(vectors)
-
-
-def _answered_hips(recording: Recording, pressed_rows: IntArray, lag: float) -> Array:
-    """Return the HIPs (n, N), m, that the IHIPs answer: of `lag` ticks before, and those that it has rested."""
-    return delayed(recording.hip, pressed_rows - resting_ticks(recording.ihip)[pressed_rows], lag)
 
 
 def _ihip_lag(
@@ -333,10 +331,10 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
 
 def _motors_hold_back(recording: Recording, scene: Scene, rows: slice) -> bool:
     """Return whether in some of the rows motors hold back what the renderer asks for: at their limit, or rubbing."""
-    saturation = scene.effect("saturation")
+    saturation = scene.effect(SATURATION)
     limited = saturation is not None and "joint_torque" in recording.channels
     at_limit = limited and bool(np.any(np.abs(recording.channels["joint_torque"][rows]) >= saturation.limit))
-    return at_limit or scene.effect("joint-friction") is not None
+    return at_limit or scene.effect(JOINT_FRICTION) is not None
 
 
 CHECK = Check(

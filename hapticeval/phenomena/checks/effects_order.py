@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION
+from hapticeval.effects.catalogue import BUMP_MAP, FRICTION, SHADING, STOCHASTIC_TEXTURE
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
-from hapticeval.phenomena.checks.shading import SHADING
-from hapticeval.phenomena.checks.texture import STOCHASTIC_TEXTURE
-from hapticeval.phenomena.checks.texture_work import BUMP_MAP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.effects.catalogue import SHADING
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
 from hapticeval.phenomena.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
@@ -16,9 +17,6 @@ from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-SHADING = "shading"
-"""The kind of effect that these checks are of."""
 
 
 class ExpectedShading(NamedTuple):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.effects.catalogue import STOCHASTIC_TEXTURE
 from hapticeval.phenomena.check import Check, Runs, not_alone, required
 from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
@@ -29,9 +30,6 @@ from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-STOCHASTIC_TEXTURE = "stochastic-texture"
-"""The kind of effect that these checks are of."""
 
 DECIBELS = 10.0 / math.log(10.0)
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
-from hapticeval.phenomena.checks.texture_work import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.sampling import (

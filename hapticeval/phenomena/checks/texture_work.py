@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
@@ -13,9 +14,6 @@ from hapticeval.phenomena.sampling import above_force_floor, evidence_at, worst_
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
-
-HEIGHT_MAP, BUMP_MAP = "height-map", "bump-map"
-"""The kinds of effects that this check is of."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hapticeval.effects.catalogue import CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import (
     CONFIDENCE_WIDTHS,
@@ -113,7 +114,6 @@ def prony(values: Array, dt: float) -> tuple[float, float] | None:
     return -math.log(abs(root)) / dt, math.atan2(root.imag, root.real) / dt
 
 
-CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE = "contact-impulse", "contact-transient", "recorded-impulse"
 TRANSIENT_EFFECTS = (CONTACT_IMPULSE, CONTACT_TRANSIENT, RECORDED_IMPULSE)
 """The kinds of effects that these checks are of."""
 
