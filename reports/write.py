@@ -84,13 +84,13 @@ class Page:
 
     def _write(self, recordings: Mapping[str, Recording | str]) -> str:
         """Return the case's section of a single page, or write its own page, from these recordings."""
-        shown: dict[str, Any] = {"verdicts": self.verdicts, "order": self.order}
+        judgement: dict[str, Any] = {"verdicts": self.verdicts, "order": self.order}
         # On one page for all, ids tell cases apart by prefix and suite and case.
         if self.pages is None:
             return case_section(
-                self.runs, recordings, **shown, prefix=self.prefix, enclosing_names=self.runs[0].key[:2]
+                self.runs, recordings, **judgement, prefix=self.prefix, enclosing_names=self.runs[0].key[:2]
             )
-        write_case_page(self.pages, self.runs, recordings, **shown, neighbours=self.neighbours)
+        write_case_page(self.pages, self.runs, recordings, **judgement, neighbours=self.neighbours)
         return ""
 
 

@@ -538,20 +538,6 @@ def first_entry(
 
 
 @compiled
-def first_entries(
-    faces: Array, vertices: Array, tree: Array, starts: Array, ends: Array, touch: float
-) -> tuple[IntArray, Array]:
-    """Answer `first_entry` for segments from starts to ends (n, 3), m: triangles (n,), -1 for none, and shares (n,)."""
-    n = starts.shape[0]
-    hits, shares, k = np.empty(n, np.int64), np.empty(n), 0
-    for row in range(n):
-        start, end = (starts[row, 0], starts[row, 1], starts[row, 2]), (ends[row, 0], ends[row, 1], ends[row, 2])
-        inside, k, _, shares[row] = first_entry(faces, vertices, tree, start, end, touch, k)
-        hits[row] = k if inside else -1
-    return hits, shares
-
-
-@compiled
 def normals_in_reach(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array) -> tuple[IntArray, Array]:
     """Return the normals of the triangles within `reach` (n,), m, along the mesh from the feet of points (n, 3), m.
 

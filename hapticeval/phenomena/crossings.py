@@ -354,16 +354,16 @@ def _leave_face(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) 
     triangles, i, neighbours = triangles[border], i[border], neighbours[border]
     a, b = mesh.vertices[mesh.triangles[triangles, i]], mesh.vertices[mesh.triangles[triangles, (i + 1) % 3]]
     lengths = np.linalg.norm(b - a, axis=1)
-    ways = (b - a) / lengths[:, np.newaxis]
+    edge_directions = (b - a) / lengths[:, np.newaxis]
     # Square to each border edge, out of the face: signed distances of start and end from the edge.
-    outward = np.cross(ways, normal)
+    outward = np.cross(edge_directions, normal)
     before, after = np.sum(outward * (start - a), axis=1), np.sum(outward * (end - a), axis=1)
     crosses = np.flatnonzero((after > 0.0) & (before < after))
     # before (1 - s) + after s = 0, within the step
     share = np.clip(before[crosses] / (before[crosses] - after[crosses]), 0.0, 1.0)
     places = start + share[:, np.newaxis] * (end - start)
     # How far the crossing lies along the edge; beyond its ends it misses it.
-    along = np.sum(ways[crosses] * (places - a[crosses]), axis=1)
+    along = np.sum(edge_directions[crosses] * (places - a[crosses]), axis=1)
     misses = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
     if not misses.size or misses.min() > BORDER_MISS * float(np.linalg.norm(end - start)) + BORDER_ROUNDING:
         return None

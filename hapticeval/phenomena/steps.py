@@ -66,8 +66,8 @@ def allow_flights(recording: Recording, scene: Scene, bounds: Array) -> Array:
     From the worst one on, up to the first that is none: that one decides, whatever the shorter ones are.
     """
     steps, raised = contact_steps(recording, scene), bounds.copy()
-    beyond = np.flatnonzero(steps > bounds)
-    for tick in beyond[np.argsort((bounds - steps)[beyond])].tolist():
+    suspects = np.flatnonzero(steps > bounds)
+    for tick in suspects[np.argsort((bounds - steps)[suspects])].tolist():
         if not _is_flight(recording, scene.model.boundary, tick, float(bounds[tick])):
             break
         raised[tick] = steps[tick]

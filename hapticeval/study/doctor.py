@@ -229,8 +229,8 @@ def _check_made(name: str, kind: str) -> StateAndText:
     )
     if abilities.declares is not None and abilities.declares.spring is not None:
         parts.append(f"a spring along the {abilities.declares.spring}")
-    ways = [offered for offered in ("run", "lead", "law") if getattr(abilities, offered)]
-    parts.append(f"offers {', '.join(ways) if ways else 'single steps'}")
+    methods = [method for method in ("run", "lead", "law") if getattr(abilities, method)]
+    parts.append(f"offers {', '.join(methods) if methods else 'single steps'}")
     return State.OK, "; ".join(parts)
 
 

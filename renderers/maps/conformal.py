@@ -44,14 +44,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import lu_factor, lu_solve
 
 from hapticeval.compiled import as_record, as_records, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, ARC_PIECE, LINE_PIECE, PIECE, evaluate_many
-from hapticeval.geometry.validate import checked_points
 from hapticeval.renderers.maps import conformal_kernels as kernels
 from hapticeval.renderers.maps.conformal_kernels import Complex
 from hapticeval.types import Array, IntArray
@@ -133,13 +131,6 @@ class ConformalMap:
     blur: float
     blurred_at: Array
     _disk: kernels.DiskTables = field(repr=False)
-
-    def to_disk(self, points: ArrayLike) -> Array:
-        """Return the images f (n, 2) in the unit disk of points (n, 2), m, inside the curve; outside f has no meaning.
-
-        Raises `InputError`, naming the row, for a point that is not finite.
-        """
-        return kernels.map_to_disk(self._disk, checked_points(points))
 
     def to_angle(self, points: Array) -> Array:
         """Return the arguments of f (n,), rad, of points (n, 2), m, inside the curve."""

@@ -652,8 +652,8 @@ def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene,
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
     dissipated = np.zeros(len(moved))
     # A force that is off by so much between two ticks, over the way of tool and hand.
-    ways = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
-    doubt = surface_force.between[1:] * ways
+    travelled = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
+    doubt = surface_force.between[1:] * travelled
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)

@@ -69,11 +69,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         for recording in (base, *(r for *_, r in answering_runs))
     )
 
-    def apart_in_motions(beside: Runs) -> Array:
+    def apart_in_motions(nudged: Runs) -> Array:
         """Return how far the answers in each motion are from the base run's, (motions, n), m."""
         # Under a scale the IHIPs alone are compared.
         return np.array(
-            [answers_apart(beside, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs]
+            [answers_apart(nudged, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs]
         )
 
     apart = apart_in_motions(runs)

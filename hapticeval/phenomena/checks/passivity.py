@@ -228,7 +228,9 @@ def _largest_of_recent(values: Array, ticks: int) -> Array:
     return np.asarray(np.max(later, axis=0))
 
 
-def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list[list[Span]]) -> AtOwnRate | None:
+def _at_own_rate(
+    base: Recording, sampled: SampledWork, scene: Scene, closed_paths: list[list[Span]]
+) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
     A scene's effects have laws of their own, and a stiffness that varies by much may have any slope.
@@ -247,7 +249,7 @@ def _at_own_rate(base: Recording, sampled: SampledWork, scene: Scene, ways: list
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
         return AtOwnRate(span.what, span.first, last, gained, granted + stored_before(base, span, scene), lag)
 
-    gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in ways]
+    gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in closed_paths]
     return max(gains, key=lambda gain: gain.excess, default=None)
 
 
@@ -266,13 +268,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene) -> Finding:
-    """Judge all ways that close, but for laps that only give what was stored before."""
+    """Judge all paths that close, but for laps that only give what was stored before."""
     base, set_aside = runs.base, ""
     if not touching(base, scene).any():
         return undecided("the tool is never in contact")
     round_trips = laps(base.hip, scene.model.size)
     while True:
-        finding = _judge(base, refine, scene, partial(_ways, round_trips=round_trips))
+        finding = _judge(base, refine, scene, partial(_find_closed_paths, round_trips=round_trips))
         if finding.outcome is not Outcome.FAIL or finding.evidence["way"] != LAP:
             return replace(finding, message=finding.message + set_aside)
         row = finding.evidence["tick"]
@@ -285,34 +287,34 @@ def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene
         set_aside = "; laps that give are set aside: led on until what the hand had put in is spent, they give no more"
 
 
-Ways: TypeAlias = Callable[[BoolArray], list[list[Span]]]
-"""From where nothing touches, (n,), the ways that close; of several spans in a list the one that gives least counts."""
+PathSearch: TypeAlias = Callable[[BoolArray], list[list[Span]]]
+"""From where nothing touches, (n,), the paths that close; of the spans in a list the one that gives least counts."""
 
 
 def _since_free_space(free: BoolArray, first: int, last: int) -> Span:
     return Span(first, last, "from free space to free space" if free[last] else "since free space")
 
 
-def _ways(free: BoolArray, round_trips: list[LapRun]) -> list[list[Span]]:
-    """Return the ways that close: from free space on, and the laps after the first in which something is touched."""
-    ways = [[_since_free_space(free, *rows)] for rows in contact_spans(free)]
+def _find_closed_paths(free: BoolArray, round_trips: list[LapRun]) -> list[list[Span]]:
+    """Return the paths that close: from free space on, and the laps after the first in which something is touched."""
+    closed_paths = [[_since_free_space(free, *rows)] for rows in contact_spans(free)]
     for trip in round_trips:
         # What one lap alone gives may have been stored; what is created comes in every lap.
         after = [Span(first, last, LAP) for first, last in trip.later if not free[first:last].all()]
         if after:
-            ways.append(after)
-    return ways
+            closed_paths.append(after)
+    return closed_paths
 
 
-def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, ways: Ways) -> Finding:
+def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, find_closed_paths: PathSearch) -> Finding:
     sampled = SampledWork(base, 1, scene)
-    if not ways(sampled.free):
+    if not find_closed_paths(sampled.free):
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
     # Refined until a gain is certain, or nothing is open.
     for finest in FINER_RATES:
-        gains = _gains(base, sampled, refine, scene, ways, finest)
+        gains = _gains(base, sampled, refine, scene, find_closed_paths, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
@@ -320,7 +322,7 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, wa
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding
-    gain = _at_own_rate(base, sampled, scene, ways(sampled.free))
+    gain = _at_own_rate(base, sampled, scene, find_closed_paths(sampled.free))
     if finding.outcome is Outcome.PASS and declares_wide_range(base):
         words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
         return replace(finding, message=f"{finding.message}; {words}")
@@ -398,10 +400,10 @@ def _gains(
     base_sums: SampledWork,
     refine: Callable[[int], Recording],
     scene: Scene,
-    ways: Ways,
+    find_closed_paths: PathSearch,
     finest: int,
 ) -> list[Gain]:
-    """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
+    """Return the gains over all closed paths of the base run, extrapolated from `finest` times its rate."""
     factors = (finest // 4, finest // 2, finest)
     sampled = (
         base_sums,
@@ -417,7 +419,7 @@ def _gains(
             (_gain(sampled, span, rounding, stored_before(base, span, scene)) for span in spans),
             key=lambda gain: (not gain.telling, gain.excess),
         )
-        for spans in ways(free)
+        for spans in find_closed_paths(free)
     ]
 
 

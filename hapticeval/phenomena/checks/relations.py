@@ -73,7 +73,7 @@ def compare_runs(
         allowed += known - SAME_ANSWER * scene.model.size
         if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
             # Two tools that are one to `known` may meet an edge on either side. Off by half of it, each is one still.
-            change = apart_beside_ties(runs, lambda beside: answers_apart(beside, other, scene), 0.5 * known, scene)
+            change = apart_beside_ties(runs, lambda nudged: answers_apart(nudged, other, scene), 0.5 * known, scene)
     return relation_finding(base, scene, change, allowed, exempt, how)
 
 

@@ -70,10 +70,10 @@ def least_p(first: int, second: int) -> float:
     Complete separation is one of these, and with as many of each the exchange of both names is another: 2 of 70 with
     4 and 4, 1 of 35 with 4 and 3.
     """
-    ways = math.comb(first + second, first)
-    if ways > DEALS:
+    deals = math.comb(first + second, first)
+    if deals > DEALS:
         return 1.0 / (DEALS + 1)
-    return (2.0 if first == second else 1.0) / ways
+    return (2.0 if first == second else 1.0) / deals
 
 
 def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, int] | None:

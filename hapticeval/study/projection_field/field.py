@@ -242,8 +242,8 @@ def _singular_points(project: Project, lattice: Lattice, across: BoolArray, up: 
 def _turns_round_cell(corners: list[Array], length: float) -> Array:
     """Count how often the arc lengths at a cell's corners go round the surface on the way round the cell."""
     # The steps from corner to corner add up to a whole number of lengths.
-    ways = [arc_offset(corners[(k + 1) % 4], corners[k], length) for k in range(4)]
-    return np.rint(np.nan_to_num(sum(ways)) / length)
+    steps = [arc_offset(corners[(k + 1) % 4], corners[k], length) for k in range(4)]
+    return np.rint(np.nan_to_num(sum(steps)) / length)
 
 
 def _narrow_to_point(project: Project, lattice: Lattice, low: Array) -> Array:
