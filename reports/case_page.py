@@ -140,7 +140,7 @@ class CaseView:
 
     What is drawn:
 
-    - `shown`: the renderers that are shown at first, of the `drawn_names`; `own_tools`: those whose hand is no hand.
+    - `ticked_names`: renderers that are shown at first, of the `drawn_names`; `own_tools`: those whose hand is no hand.
     - `problems`: why there is no recording, by renderer.
     - `figures`: SVG elements by name; `data`: what the page's script reads, as JSON.
     - `parts`: which runs are too long to be drawn whole, see `_drawn_parts`; `charts`: those that walk over a sphere's.
@@ -158,7 +158,7 @@ class CaseView:
     model: Model | None
     note: str
     enclosing_names: Sequence[str]
-    shown: Sequence[str]
+    ticked_names: Sequence[str]
     drawn_names: Sequence[str]
     own_tools: Sequence[str]
     problems: Mapping[str, str]
@@ -319,7 +319,7 @@ def case_section(
         model=model,
         note=note,
         enclosing_names=enclosing_names,
-        shown=differing_renderers(judged, drawn_names, worst),
+        ticked_names=differing_renderers(judged, drawn_names, worst),
         drawn_names=drawn_names,
         own_tools=[name for name, recording in drawable.items() if is_led and recording.own_tool],
         problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},

@@ -116,19 +116,19 @@ def join_neighbours(count: int, triangles: IntArray) -> tuple[IntArray, int, int
         for i in range(3):
             a, b = triangles[k, i], triangles[k, (i + 1) % 3]
             # triangles that run along this edge the same way, itself included, and the other way
-            same_way, other_way = 0, 0
+            along_count, against_count = 0, 0
             for place in range(starts[a], starts[a + 1]):
                 if triangles[fan[place] // 3, (fan[place] + 1) % 3] == b:
-                    same_way += 1
+                    along_count += 1
             for place in range(starts[b], starts[b + 1]):
                 if triangles[fan[place] // 3, (fan[place] + 1) % 3] == a:
-                    other_way += 1
+                    against_count += 1
                     across[k, i] = fan[place] // 3
-            if same_way + other_way > 2:
+            if along_count + against_count > 2:
                 return across, SHARED, k, i
-            if same_way == 2:
+            if along_count == 2:
                 return across, FLIPPED, k, i
-            if other_way == 0:
+            if against_count == 0:
                 return across, OPEN, k, i
     # once round each vertex over the edges: fewer triangles than have it are one of several fans
     for row in range(count):

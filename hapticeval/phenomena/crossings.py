@@ -231,7 +231,7 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
 def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within: float) -> Iterator[Crossing]:
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
-    hip_ways, tool_ways = np.diff(recording.hip, axis=0), np.diff(tools, axis=0)
+    hip_motions, tool_motions = np.diff(recording.hip, axis=0), np.diff(tools, axis=0)
     stretches = _label_runs(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
         # By way of the edge, where the tool rests, or at once.
@@ -251,7 +251,7 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within:
             along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
             # The tool may slide along the edge, resting on it or from one face to the other: no part of a switch.
             edge = np.cross(pre, post) / np.linalg.norm(np.cross(pre, post))
-            steps = np.linalg.norm(hip_ways - (tool_ways @ edge)[:, np.newaxis] * edge, axis=1)
+            steps = np.linalg.norm(hip_motions - (tool_motions @ edge)[:, np.newaxis] * edge, axis=1)
             others = _find_others(mesh, tools, range(first, end), (pre, post), within)
             place, tool = tools[crossed], faces == face
             yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, tool, others)

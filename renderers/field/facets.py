@@ -80,7 +80,7 @@ def _on_edge(a: Triple, b: Triple, p: Triple) -> tuple[float, Triple]:
 
 
 @inner
-def way_off(facets: Array, k: int, p: Triple) -> tuple[float, Triple]:
+def away_from_facet(facets: Array, k: int, p: Triple) -> tuple[float, Triple]:
     """Return the distance (m) of p from facet k of (c, 16), and the unit vector from its closest point.
 
     On it that is the normal.

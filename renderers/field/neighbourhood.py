@@ -51,7 +51,7 @@ import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
-from hapticeval.renderers.field.facets import FACET, OnFacets, facets_of, way_off
+from hapticeval.renderers.field.facets import FACET, OnFacets, facets_of, away_from_facet
 from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray
 
@@ -104,7 +104,7 @@ def nearest_face(facets: Array, p: Triple) -> int:
     """Return the face (its row of `facets` (c, 16), m) that is nearest to p (m)."""
     best, smallest = 0, math.inf
     for k in range(facets.shape[0]):
-        distance, _ = way_off(facets, k, p)
+        distance, _ = away_from_facet(facets, k, p)
         if distance < smallest:
             best, smallest = k, distance
     return best
@@ -128,7 +128,7 @@ def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
         if above < -touch or falls <= 0.0 or above - falls >= 0.0:
             continue
         t = max(above, 0.0) / falls  # n . (start + t motion - corner) = 0
-        off, _ = way_off(facets, k, plus(start, t, motion))
+        off, _ = away_from_facet(facets, k, plus(start, t, motion))
         if off <= touch and t < first:
             best, first = k, t
     return best
@@ -137,13 +137,13 @@ def entered(facets: Array, touch: float, start: Triple, end: Triple) -> int:
 @compiled
 def watched(facets: Array, around: Array, face: int, h: Triple) -> int:
     """Return which of `facets` (c, 16) h's nearest point is on, m, from `face` over its neighbours: steps 2 and 3."""
-    smallest, _ = way_off(facets, face, h)
+    smallest, _ = away_from_facet(facets, face, h)
     while True:
         best = face
         for k in around[face]:
             if k < 0.0:
                 break
-            distance, _ = way_off(facets, int(k), h)
+            distance, _ = away_from_facet(facets, int(k), h)
             if distance < smallest:
                 best, smallest = int(k), distance
         if best == face:
@@ -169,12 +169,12 @@ def follow(
     distance, direction = 0.0, (0.0, 0.0, 0.0)
     if tool.touches == 1.0:
         face = watched(facets, data.lookup, int(tool.face), h)  # steps 2 and 3
-        distance, direction = way_off(facets, face, h)
+        distance, direction = away_from_facet(facets, face, h)
         outside = 0.0
         for k in data.lookup[face]:  # step 5: of the faces that s is on, the one whose plane h is farthest from
             if k < 0.0:
                 break
-            off, _ = way_off(facets, int(k), plus(h, -distance, direction))
+            off, _ = away_from_facet(facets, int(k), plus(h, -distance, direction))
             height = distance * dot(direction, triple_of(as_record(facets, FACET, int(k)).normal))
             if off <= gains.touch and abs(height) > abs(outside):
                 outside = height

@@ -52,7 +52,7 @@ import numpy as np
 from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
 from hapticeval.geometry.mesh_kernels import closest_in_cone
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
-from hapticeval.renderers.field.facets import FACET, OnFacets, way_off
+from hapticeval.renderers.field.facets import FACET, OnFacets, away_from_facet
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
             continue
         t = 0.0
         for _ in range(MOST_STRETCHES):
-            distance, n = way_off(facets, k, plus(p, t, d))
+            distance, n = away_from_facet(facets, k, plus(p, t, d))
             slope = dot(n, d)
             if slope >= ALONG_FACET * length or t >= first_share:
                 break
@@ -139,7 +139,7 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
         reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP)
         if dot(apart, apart) > reach * reach:
             continue
-        distance, n = way_off(facets, k, p)
+        distance, n = away_from_facet(facets, k, p)
         if distance <= radius * (1.0 + 2.0 * BALL_GAP) and count < CONTACTS:
             contact = as_record(contacts, BALL_CONTACT, count)
             for axis in range(3):
@@ -152,7 +152,7 @@ def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
         for j in range(count):
             other = as_record(contacts, BALL_CONTACT, j)
             if other.distance < contact.distance - BALL_ROUNDING * radius:
-                off, _ = way_off(facets, int(other.facet), triple_of(contact.point))
+                off, _ = away_from_facet(facets, int(other.facet), triple_of(contact.point))
                 is_closest = is_closest and off > ON_FACET * radius
         contact.is_closest = 1.0 if is_closest else 0.0
     for i in range(count):

@@ -260,12 +260,12 @@ def _distances_past_surface(
         hand_past = float(np.linalg.norm(hip[tick] - tool))
         if hand_past > allowed[tick]:
             alternatives = boundary.around(tool, float(reach[tick]))
-            open_way = any(boundary.first_crossing(other, hip[tick], grain=grain) is None for other in alternatives)
-            if not open_way and released:
+            is_free = any(boundary.first_crossing(other, hip[tick], grain=grain) is None for other in alternatives)
+            if not is_free and released:
                 # Where the hand is as near both ways round, the tool may slide either way from a start so placed.
                 starts = boundary.around(start, float(reach[tick]))
-                open_way = any(follow(boundary, other, hip[tick], grain) is None for other in starts)
-            if open_way:
+                is_free = any(follow(boundary, other, hip[tick], grain) is None for other in starts)
+            if is_free:
                 tool = None
                 continue
         gap[tick], since[tick] = hand_past, first

@@ -357,7 +357,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
     """Judge the limit to which refinement leads, J."""
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
-    open_ways = [gain for gain in gains if not gain.telling]
+    untold_gains = [gain for gain in gains if not gain.telling]
     # The gain farthest beyond what is open of it.
     worst = telling[worst_row(np.array([gain.excess for gain in telling]))]
     metric = CHECK.measured(worst.law)
@@ -383,10 +383,10 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
             f"{_millijoules(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
         )
         return Finding(Outcome.FAIL, message, metric, worst.granted, evidence)
-    if open_ways:
-        largest = max(open_ways, key=lambda gain: gain.law)
+    if untold_gains:
+        largest = max(untold_gains, key=lambda gain: gain.law)
         message = (
-            f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {largest.what} from "
+            f"refinement does not settle {len(untold_gains)} of {len(gains)} ways, as {largest.what} from "
             f"t = {base.time[largest.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
             "energy"
         )

@@ -400,9 +400,9 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
         neighbours = column_steps[around]
         large = np.abs(neighbours) > MOVING_QUANTA * step
         # The motion goes on in one direction, with steps too large for rest, before and after the repeated row.
-        one_way = np.all(neighbours >= 0.0, axis=1) | np.all(neighbours <= 0.0, axis=1)
+        one_direction = np.all(neighbours >= 0.0, axis=1) | np.all(neighbours <= 0.0, axis=1)
         either = large[:, :STEPS_AROUND].any(axis=1) & large[:, STEPS_AROUND:].any(axis=1)
-        impossible |= one_way & either & np.all(large | (neighbours == 0.0), axis=1)
+        impossible |= one_direction & either & np.all(large | (neighbours == 0.0), axis=1)
     count = int(impossible.sum())
     if count < FEWEST_REPEATED:
         return
