@@ -214,7 +214,7 @@ def _choose_at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int,
 
 
 MOST_TOOL_FLIGHTS = 64
-"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
+"""Flights within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
 
 IN_FREE_SPACE = -1
 """In place of a feature: the tool is where the hand is."""

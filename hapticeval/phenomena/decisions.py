@@ -190,7 +190,7 @@ FINEST_GRAIN, COARSEST_GRAIN = 1e-6, 1e-4
 """Limits of that grain, as shares of the model's size. *Chosen*: doubled, 0.4 um and 40 um of the usual 200 mm."""
 
 MOST_FLIGHTS = 16
-"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand.
+"""Flights within one tick, each from where the slide before has ended; each brings the tool nearer to the hand.
 
 *Chosen*, against a search without an end: doubled, nothing changes where a tool is held by fewer faces than that in a
 tick."""
