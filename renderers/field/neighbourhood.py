@@ -51,7 +51,7 @@ import numpy as np
 
 from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
-from hapticeval.renderers.field.facets import FACET, OnFacets, facets_of, away_from_facet
+from hapticeval.renderers.field.facets import FACET, OnFacets, away_from_facet, facets_of
 from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray
 
