@@ -355,6 +355,14 @@ FINE_GROUPS = 32
 """Groups into which they are divided where that explains nothing, each of `GROUP_SAMPLES` samples. *Chosen*, for words
 alone: doubled, causes are named where there are 512 samples."""
 
+END_SHARE = 0.1
+"""Share of the samples that are the first and the last, the shallowest and the deepest, whose medians are told.
+*Chosen*, for words alone: doubled, those of a fifth are told."""
+
+RATIO_DIGITS = 6
+"""Digits behind the point to which two shares of the stiffness are one, where they are ranked. *Chosen*, for words
+alone, above rounding: doubled, rounding is ranked too."""
+
 # impulsive_collision
 
 WINDOW_TICKS = LAG_TICKS + 1

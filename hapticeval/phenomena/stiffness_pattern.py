@@ -8,9 +8,11 @@ import numpy as np
 
 from hapticeval.phenomena.decisions import (
     CAUSE_SHARE,
+    END_SHARE,
     FINE_GROUPS,
     GROUP_SAMPLES,
     LAG_TICKS,
+    RATIO_DIGITS,
     SPIKE_SHARE,
     TELLING_SHARE,
 )
@@ -112,8 +114,8 @@ def _explain_by_causes(
     """
     time = base.time[measured.ticks]
     # First and last, shallowest and deepest tenth of the samples.
-    early, late = np.quantile(time, (0.1, 0.9))
-    shallow, deep = np.quantile(measured.depth, (0.1, 0.9))
+    early, late = np.quantile(time, (END_SHARE, 1.0 - END_SHARE))
+    shallow, deep = np.quantile(measured.depth, (END_SHARE, 1.0 - END_SHARE))
     sides = {
         "inwards": measured.rate > 0.0,
         "outwards": measured.rate < 0.0,
@@ -224,7 +226,7 @@ def _explained_share(ratio: Array, group: IntArray) -> float:
     Ranks, for a ratio may be of any size where the depth is next to nothing.
     """
     # 1 - (variance within the groups) / (variance of all), of ranks
-    ranks = np.unique(np.round(ratio, 6), return_inverse=True)[1]
+    ranks = np.unique(np.round(ratio, RATIO_DIGITS), return_inverse=True)[1]
     group = np.unique(group, return_inverse=True)[1]
     count = np.bincount(group)
     means = np.bincount(group, ranks) / count
