@@ -13,18 +13,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import (
-    authors,
-    bench,
-    cache,
-    diff,
-    draw,
-    judging,
-    paper,
-    record,
-    recordings,
-    search,
-)
+from hapticeval.commands import authors, bench, cache, diff, draw, judging, paper, record, recordings, search
 from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
 from hapticeval.commands.terminal import annotation, on_github, say
 from hapticeval.errors import HapticevalError, printable

@@ -30,12 +30,7 @@ from hapticeval.compiled import LawData, as_record, compiled
 from hapticeval.geometry.surface import SURFACE, closest_on_surface
 from hapticeval.geometry.triples import Triple, dot, plus
 from hapticeval.renderers.projective import PAST, as_rows, release
-from hapticeval.renderers.stabilisation_laws import (
-    BEYOND,
-    FOCAL,
-    SET_GAINS,
-    contact_ends,
-)
+from hapticeval.renderers.stabilisation_laws import BEYOND, FOCAL, SET_GAINS, contact_ends
 from hapticeval.types import Array, BoolArray, IntArray
 
 SINGULAR_SINE = 1e-9

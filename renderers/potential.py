@@ -47,16 +47,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import (
-    as_record,
-    as_records,
-    borrowing,
-    compiled,
-    for_kernels,
-    inner,
-    numbers_of,
-    record_type,
-)
+from hapticeval.compiled import as_record, as_records, borrowing, compiled, for_kernels, inner, numbers_of, record_type
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve

@@ -22,24 +22,11 @@ from hapticeval.reports.bench_figure import KIND_TITLES, bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.case_page import asset
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
-from hapticeval.reports.grid import (
-    Grid,
-    HardCase,
-    case_grid,
-    hard_cases,
-    worst_verdicts,
-)
+from hapticeval.reports.grid import Grid, HardCase, case_grid, hard_cases, worst_verdicts
 from hapticeval.reports.table import Summary, summaries
 from hapticeval.reports.templates import CHECK_PAGES, INDEX, PAGES_FOLDER, anchor, case_file, environment, explain_terms
 from hapticeval.runner.diff import Edition, History
-from hapticeval.runner.results import (
-    Breakdown,
-    Replay,
-    ResultsDocument,
-    RunEntry,
-    SuiteEntry,
-    VerdictEntry,
-)
+from hapticeval.runner.results import Breakdown, Replay, ResultsDocument, RunEntry, SuiteEntry, VerdictEntry
 from hapticeval.runner.standing import Standing, count_standings
 from hapticeval.study.bench.document import BenchResults
 from hapticeval.study.effects_cost import EffectsDocument

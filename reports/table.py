@@ -7,15 +7,7 @@ from dataclasses import dataclass
 
 from hapticeval.errors import printable
 from hapticeval.quantity import name_first
-from hapticeval.reports.grid import (
-    Grid,
-    Tile,
-    case_grid,
-    gravest_first,
-    hard_cases,
-    headline,
-    phenomenon_grid,
-)
+from hapticeval.reports.grid import Grid, Tile, case_grid, gravest_first, hard_cases, headline, phenomenon_grid
 from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
 from hapticeval.runner.standing import Standing, count_standings, counts_in_words
 

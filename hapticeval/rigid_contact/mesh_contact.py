@@ -41,9 +41,7 @@ from hapticeval.rigid_contact.force import (
     Stretches,
     longest_flight_step,
 )
-from hapticeval.rigid_contact.force import (
-    CORNER as AT_CORNER,
-)
+from hapticeval.rigid_contact.force import CORNER as AT_CORNER
 from hapticeval.rigid_contact.mesh_search import ToolPath, first_edge, first_face, first_fall, follow
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,

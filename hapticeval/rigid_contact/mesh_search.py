@@ -13,11 +13,7 @@ from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import FACE, VERTEX, corner_of, normal_of
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
-from hapticeval.rigid_contact.force import (
-    ALIGNED_SHARE,
-    PLACE_REACH,
-    SEAM_REACH,
-)
+from hapticeval.rigid_contact.force import ALIGNED_SHARE, PLACE_REACH, SEAM_REACH
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
     edge_direction,

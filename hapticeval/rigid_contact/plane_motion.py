@@ -12,13 +12,7 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import evaluate
-from hapticeval.rigid_contact.force import (
-    LONGEST_STEP,
-    STAGES,
-    fly_along_axis,
-    gained_in_step,
-    oscillation_of,
-)
+from hapticeval.rigid_contact.force import LONGEST_STEP, STAGES, fly_along_axis, gained_in_step, oscillation_of
 from hapticeval.types import Array
 
 Slide: TypeAlias = tuple[float, float, float]

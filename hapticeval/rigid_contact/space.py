@@ -11,12 +11,7 @@ import numpy as np
 
 from hapticeval.compiled import compiled, numbers_of, record_type
 from hapticeval.geometry.triples import Triple, plus, put_triple, triple_of
-from hapticeval.rigid_contact.force import (
-    FLIGHT,
-    Stretches,
-    fly_along_axis,
-    oscillation_of,
-)
+from hapticeval.rigid_contact.force import FLIGHT, Stretches, fly_along_axis, oscillation_of
 from hapticeval.types import Array, IntArray
 
 SPACE_TOOL = record_type("mode", "triangle", "feature", position=3, velocity=3)

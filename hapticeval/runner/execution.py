@@ -22,14 +22,7 @@ from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
 from hapticeval.runner.resuming import Outcomes
-from hapticeval.runner.work import (
-    Work,
-    carry_out,
-    derived_seed,
-    outcome_of_ended,
-    outcome_of_overdue,
-    run_job,
-)
+from hapticeval.runner.work import Work, carry_out, derived_seed, outcome_of_ended, outcome_of_overdue, run_job
 from hapticeval.suite.suite import files_of
 from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
 

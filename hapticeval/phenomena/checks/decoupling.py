@@ -6,13 +6,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import (
-    DIED_OUT_SHARE,
-    PLACE_ROUNDING,
-    SLIDE_SHARE,
-    SPEED_ROUNDING,
-    TELLING_SHARE,
-)
+from hapticeval.phenomena.decisions import DIED_OUT_SHARE, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.surface_motion import (

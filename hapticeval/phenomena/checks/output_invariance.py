@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import (
-    EXTRAPOLATION_ROUNDING,
-    TELLING_SHARE,
-)
+from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion

@@ -6,11 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import NOBODY, Check, Runs, required
 from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
-from hapticeval.phenomena.sampling import (
-    evidence_at,
-    farthest_standoff,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import evidence_at, farthest_standoff, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -7,11 +7,7 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import (
-    CAUSE_SHARE,
-    SPEED_ROUNDING,
-    TELLING_SHARE,
-)
+from hapticeval.phenomena.decisions import CAUSE_SHARE, SPEED_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import evidence_at, worst_row
 from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion

@@ -20,13 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats import (
-    Table,
-    damaged_error,
-    importer,
-    samples_first,
-    spread,
-)
+from hapticeval.recordings.formats import Table, damaged_error, importer, samples_first, spread
 from hapticeval.recordings.hdf5 import DAMAGE, SIGNATURE, lies_elsewhere
 from hapticeval.recordings.memory import reserve
 
