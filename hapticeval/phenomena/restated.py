@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Runs, required
 from hapticeval.phenomena.decisions import NUDGE_SHARE
+from hapticeval.phenomena.sampling import believed_standoff, resolution
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -22,6 +23,11 @@ def has_answer(run: Recording) -> BoolArray:
     These need not be contact: see `sampling.touching`.
     """
     return np.asarray(np.any(run.ihip != run.hip, axis=1) | np.any(run.force != 0.0, axis=1))
+
+
+def declared_lengths(recordings: Iterable[Recording], scene: Scene) -> float:
+    """Return the largest resolution and standoff, m, that the runs declare, as far as they are believed."""
+    return max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in recordings)
 
 
 def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = True) -> Array:

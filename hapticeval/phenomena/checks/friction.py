@@ -65,7 +65,8 @@ class SurfaceForce:
     """The force of each tick, (n,), as parts across and along the surface at the IHIP.
 
     - `pressed` (n,): where the force is above the floor.
-    - `normal` (n,), N: the part across, positive where the surface pushes, and on a bilateral one also where it pulls.
+    - `normal` (n,), N: the part across, positive where the surface pushes, and on a bilateral one also where it pulls;
+      zero, as all parts, where nothing is pressed.
     - `tangential` (n, N), N: the part along; `size` (n,), N, its length, and at a corner what leaves the fan of
       normals.
     - `velocity` (n, N), m/s: the hand's along the surface.
@@ -82,6 +83,10 @@ class SurfaceForce:
     normals: Array
     other: Array
     between: Array
+
+    def share_of_cone(self, coefficient: float) -> Array:
+        """Return |F_t| / (mu F_n), (n,): 1 on the edge of the cone of a `coefficient`, and 0 where nothing presses."""
+        return np.asarray(self.size / np.where(self.normal > 0.0, coefficient * self.normal, np.inf))
 
 
 def surface_force_of(base: Recording, scene: Scene, between: Array | None = None) -> SurfaceForce:
@@ -110,23 +115,25 @@ def surface_force_of(base: Recording, scene: Scene, between: Array | None = None
     damping = scene.damping + viscous_coefficient(scene)
     # Rounding of positions as a force, K |x|, and of the force itself.
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
-    parts = (
-        normal,
-        tangential,
-        size,
-        moving,
-        normals,
-        damping * np.linalg.norm(moving, axis=1) + COORDINATE_ROUNDINGS * ihip_precision(base) * reach,
-    )
-    filled = []
-    for part in parts:
-        # Zero in ticks without a force above the floor.
+    other = damping * np.linalg.norm(moving, axis=1) + COORDINATE_ROUNDINGS * ihip_precision(base) * reach
+    between = np.zeros(len(base)) if between is None else between
+
+    def filled(part: Array) -> Array:
+        """Return a part of the rows with a force as one of all rows, zero in the others."""
         column = np.zeros((len(base), *part.shape[1:]))
         column[rows] = part
-        filled.append(column)
-    filled.append(np.zeros(len(base)) if between is None else between)
-    surface_force = SurfaceForce(pressed, *filled)
-    return replace(surface_force, other=surface_force.other + surface_force.between)
+        return column
+
+    return SurfaceForce(
+        pressed=pressed,
+        normal=filled(normal),
+        tangential=filled(tangential),
+        size=filled(size),
+        velocity=filled(moving),
+        normals=filled(normals),
+        other=filled(other) + between,
+        between=between,
+    )
 
 
 def along_surface(vectors: Array, normals: Array) -> Array:
@@ -271,13 +278,8 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     base, friction = runs.base, scene.effect(FRICTION)
     # Ticks in which the tool begins to slide, after it has surely stuck.
     slips = _break_away_ticks(base, surface_force, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
-    # |F_t| / (mu_s F_n): 1 on the edge of the static cone (4.18)
-    share = np.divide(
-        surface_force.size,
-        friction.mu_s * surface_force.normal,
-        where=surface_force.normal > 0.0,
-        out=np.zeros(len(base)),
-    )
+    # 1 on the edge of the static cone (4.18)
+    share = surface_force.share_of_cone(friction.mu_s)
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
     step = largest_in_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]), earlier=1)
@@ -320,7 +322,7 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     """
     place = place_rounding(base)
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
-    pressed = surface_force.pressed & (surface_force.normal > 0.0)
+    pressed = surface_force.normal > 0.0
     # What is no contact ends a rest as well as a motion does.
     moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
     sticks = pressed & (surface_force.size <= surely * surface_force.normal)
@@ -343,9 +345,8 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
 def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
     base, friction = runs.base, scene.effect(FRICTION)
-    # |F_t| / (mu_k F_n); 0 where nothing presses
-    pulled = surface_force.size / np.where(surface_force.normal > 0.0, friction.mu_k * surface_force.normal, np.inf)
-    sticks = surface_force.pressed & (surface_force.normal > 0.0) & (pulled <= STICKING_SHARE)
+    pulled = surface_force.share_of_cone(friction.mu_k)
+    sticks = (surface_force.normal > 0.0) & (pulled <= STICKING_SHARE)
     # First rows and rows behind the last of the stretches that stick, by turns.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
     creeps = []

@@ -18,15 +18,13 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
     SUSPECT_SHARE,
 )
-from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
+from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, declared_lengths, has_answer, steepness
 from hapticeval.phenomena.sampling import (
-    believed_standoff,
     digits_kept,
     evidence_at,
     hip_steps,
     lacks_ihip,
     mm,
-    resolution,
     rounding,
     touching,
     worst_row,
@@ -64,10 +62,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     farthest = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in answering_runs)
     # Moved coordinates are rounded where they are; moved back, that is divided by the scale.
     hand = HAND_ROUNDING * max(farthest, float(np.abs(hips).max()))
-    declared = max(
-        resolution(recording, scene) + believed_standoff(recording, scene)
-        for recording in (base, *(r for *_, r in answering_runs))
-    )
+    declared = declared_lengths((base, *(run for *_, run in answering_runs)), scene)
 
     def apart_in_motions(nudged: Runs) -> Array:
         """Return how far the answers in each motion are from the base run's, (motions, n), m."""
@@ -87,15 +82,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if base.own_tool and np.any(change > allowed + ANSWER_CHANGE * size):
         # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
         change = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
-    on_surface = np.zeros(len(base))
-    if not lacks_ihip(base, scene):
-        # An IHIP that is off the surface in every motion alike is no less wrong.
-        on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
-        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
-        flies = np.all(base.ihip == base.hip, axis=1)
-        ahead = np.append(hip_steps(base), _step_behind(base, scene))
-        on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
-    change = np.maximum(change, on_surface)
+    # An IHIP that is off the surface in every motion alike is no less wrong.
+    off_model = _distance_off_model(base, scene, contact)
+    change = np.maximum(change, off_model)
     # Rows beside a discontinuity tell nothing of digits: nudges change their answers by more than tenfold.
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
     excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
@@ -104,7 +93,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     digits = digits_kept(float(change[clear].max(initial=0.0)), size)
     motion_name = answering_runs[int(np.argmax(apart[:, worst]))][0]
     # The distance from the surface is that of the run as it is, and not of a motion.
-    if on_surface[worst] == change[worst]:
+    if off_model[worst] == change[worst]:
         motion_name = "as it is"
     least_digits = int(np.argmax(np.where(clear, change, 0.0)))
     excuse = ""
@@ -139,6 +128,18 @@ def _in_contact(base: Recording, scene: Scene) -> BoolArray:
     """Return the rows (n,) in contact, or with an answer to compare of a hand on the surface up to rounding."""
     near = np.asarray(scene.model.boundary.signed_distance(base.hip) <= rounding(scene))
     return touching(base, scene) | (has_answer(base) & near)
+
+
+def _distance_off_model(base: Recording, scene: Scene, contact: BoolArray) -> Array:
+    """Return how far (n,), m, the IHIP lies off the model in `contact` (n,); 0 elsewhere, and where there is none."""
+    off_model = np.zeros(len(base))
+    if not lacks_ihip(base, scene):
+        off_model[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
+        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
+        flies = np.all(base.ihip == base.hip, axis=1)
+        ahead = np.append(hip_steps(base), _step_behind(base, scene))
+        off_model[flies] = np.maximum(off_model[flies] - ahead[flies], 0.0)
+    return off_model
 
 
 def _step_behind(base: Recording, scene: Scene) -> float:

@@ -24,8 +24,8 @@ from hapticeval.phenomena.decisions import (
     SAME_SIMULATED_ANSWER,
     STEEP_FACTOR,
 )
-from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, has_answer, steepness
-from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_step, mm, resolution, rounding, worst_row
+from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, declared_lengths, has_answer, steepness
+from hapticeval.phenomena.sampling import evidence_at, hip_step, mm, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
@@ -57,7 +57,7 @@ def compare_runs(
     change = answers_apart(runs, other, scene)
     # What restating a scene changes of the hand: a rounding of its coordinates.
     hand = HAND_ROUNDING * float(np.abs(base.hip).max())
-    declared = max(resolution(recording, scene) + believed_standoff(recording, scene) for recording in (base, other))
+    declared = declared_lengths((base, other), scene)
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
