@@ -22,8 +22,10 @@ from hapticeval.commands.arguments import (
 )
 from hapticeval.commands.draw import DRAW_CODES
 from hapticeval.commands.terminal import say, wrote_lines
+from hapticeval.compiled import compiled
 from hapticeval.devices.device import Device
-from hapticeval.devices.integration import DEFAULT, METHODS, STEP_TOLERANCE, Method, control
+from hapticeval.devices.integration import STEP_TOLERANCE, Method, cash_karp, control, default_method, runge_kutta
+from hapticeval.devices.motion_kernels import Grip, Load, Motion, advance, motion_of
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.reports.canvas import INK, figure, save_figure
 from hapticeval.types import Array
@@ -104,21 +106,118 @@ def _slope(t: float, state: Array, *, device: Device, torque: Array, path: Array
     return np.concatenate([rates, np.linalg.solve(device.inertia(joints), net)])
 
 
+def euler() -> Method:
+    """Explicit Euler: order 1."""
+    return runge_kutta("euler", 1, [], [1.0])
+
+
+def semi_implicit_euler() -> Method:
+    """Semi-implicit Euler, order 1: the new position is had from the new velocity."""
+    zero = np.zeros(1)  # b̄ = b = 1: q⁺ = q + h q̇ + h² a = q + h q̇⁺
+    return Method("semi-implicit-euler", 1, np.zeros((1, 1)), np.ones(1), np.zeros((1, 1)), np.ones(1), zero, zero)
+
+
+def rk4() -> Method:
+    """The classical method of Runge and Kutta: order 4."""
+    return runge_kutta("rk4", 4, [[0.5], [0.0, 0.5], [0.0, 0.0, 1.0]], [1 / 6, 1 / 3, 1 / 3, 1 / 6])
+
+
+def dormand_prince() -> Method:
+    """Dormand and Prince's pair 5(4): seven stages, the last one for the error."""
+    b = [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]
+    return runge_kutta(
+        "dormand-prince",
+        5,
+        [
+            [1 / 5],
+            [3 / 40, 9 / 40],
+            [44 / 45, -56 / 15, 32 / 9],
+            [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+            [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+            b,
+        ],
+        [*b, 0.0],
+        [5179 / 57600, 0.0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40],
+        error_order=4,
+    )
+
+
+def verner() -> Method:
+    """Verner's pair 6(5): eight stages."""
+    return runge_kutta(
+        "verner",
+        6,
+        [
+            [1 / 6],
+            [4 / 75, 16 / 75],
+            [5 / 6, -8 / 3, 5 / 2],
+            [-165 / 64, 55 / 6, -425 / 64, 85 / 96],
+            [12 / 5, -8.0, 4015 / 612, -11 / 36, 88 / 255],
+            [-8263 / 15000, 124 / 75, -643 / 680, -81 / 250, 2484 / 10625],
+            [3501 / 1720, -300 / 43, 297275 / 52632, -319 / 2322, 24068 / 84065, 0.0, 3850 / 26703],
+        ],
+        [3 / 40, 0.0, 875 / 2244, 23 / 72, 264 / 1955, 0.0, 125 / 11592, 43 / 616],
+        [13 / 160, 0.0, 2375 / 5984, 5 / 16, 12 / 85, 3 / 44, 0.0, 0.0],
+        error_order=5,
+    )
+
+
+def dop853() -> Method:
+    """Hairer's method of order 8, with its error estimate of order 5: twelve stages. The coefficients are scipy's."""
+    from scipy.integrate import DOP853
+
+    a, b = np.array(DOP853.A)[:12, :12], np.array(DOP853.B)
+    e = np.array(DOP853.E5)[:12]
+    return Method("dop853", 8, a, b, a @ a, b @ a, e, e @ a, error_order=5)
+
+
+METHODS = {
+    "euler": euler,
+    "semi-implicit-euler": semi_implicit_euler,
+    "rk4": rk4,
+    "cash-karp": cash_karp,
+    "dormand-prince": dormand_prince,
+    "verner": verner,
+    "dop853": dop853,
+}
+"""Name -> how to make it."""
+
+DEFAULT = default_method().name
+
+
+@compiled
+def advance_many(motion: Motion, states: Array, afresh: bool, torque: Array) -> int:
+    """Move a device by a tick for each row of `torque` (n, N), N m or N; return all steps.
+
+    Joints (rad or m) and rates after each tick go to `states` (k, m), a row of 2 N each, from row 1 on. `afresh`: each
+    tick starts from the state that is there already. Otherwise it starts where the last one ended.
+    """
+    ticks, size = torque.shape
+    step_count = 0
+    joints, rates = np.empty(size), np.empty(size)
+    start = states.copy()
+    for tick in range(ticks):
+        if afresh or tick == 0:
+            for i in range(size):
+                joints[i], rates[i] = start[tick, i], start[tick, size + i]
+        step_count += advance(motion, tick, 0.0, motion.load.dt, joints, rates, torque[tick])
+        for i in range(size):
+            states[tick + 1, i], states[tick + 1, size + i] = joints[i], rates[i]
+    return step_count
+
+
 class Integrator:
     """Integrates a benchmark by one method, with the kernel of the closed loop; `knobs` are from `control`."""
 
     def __init__(self, benchmark: IntegrationBenchmark, method: Method, knobs: Array) -> None:
-        from hapticeval.devices.motion_kernels import Grip, Load, advance_many, motion_of
-
         self.benchmark = benchmark
-        self.advance = advance_many
         load = Load(benchmark.dt, np.zeros_like(benchmark.path), Grip(benchmark.path, benchmark.grip), None)
         self.motion = motion_of(benchmark.device, load, method, knobs)
 
     def __call__(self, *, afresh: bool) -> tuple[Array, int]:
         """Return states (n + 1, 2 N) and the number of steps; `afresh`: each tick starts from the reference state."""
         states = self.benchmark.states.copy()
-        steps = self.advance(self.motion, states, afresh, self.benchmark.torque)
+        steps = advance_many(self.motion, states, afresh, self.benchmark.torque)
         return states, int(steps)
 
 

@@ -1,4 +1,4 @@
-"""How a device moves between samples: the methods that integrate it, and the one that closed loops use.
+"""How a device moves between samples: what a method that integrates it is, and the one that closed loops use.
 
 All are explicit Runge-Kutta methods written in Nyström's form for q̈ = a(t, q, q̇):
 
@@ -61,22 +61,6 @@ def runge_kutta(
     return Method(name, order, full, weights, full @ full, weights @ full, e, e @ full, error_order)
 
 
-def euler() -> Method:
-    """Explicit Euler: order 1."""
-    return runge_kutta("euler", 1, [], [1.0])
-
-
-def semi_implicit_euler() -> Method:
-    """Semi-implicit Euler, order 1: the new position is had from the new velocity."""
-    zero = np.zeros(1)  # b̄ = b = 1: q⁺ = q + h q̇ + h² a = q + h q̇⁺
-    return Method("semi-implicit-euler", 1, np.zeros((1, 1)), np.ones(1), np.zeros((1, 1)), np.ones(1), zero, zero)
-
-
-def rk4() -> Method:
-    """The classical method of Runge and Kutta: order 4."""
-    return runge_kutta("rk4", 4, [[0.5], [0.0, 0.5], [0.0, 0.0, 1.0]], [1 / 6, 1 / 3, 1 / 3, 1 / 6])
-
-
 def cash_karp() -> Method:
     """Cash and Karp's pair 5(4): six stages, error and all."""
     return runge_kutta(
@@ -95,78 +79,18 @@ def cash_karp() -> Method:
     )
 
 
-def dormand_prince() -> Method:
-    """Dormand and Prince's pair 5(4): seven stages, the last one for the error."""
-    b = [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]
-    return runge_kutta(
-        "dormand-prince",
-        5,
-        [
-            [1 / 5],
-            [3 / 40, 9 / 40],
-            [44 / 45, -56 / 15, 32 / 9],
-            [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
-            [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
-            b,
-        ],
-        [*b, 0.0],
-        [5179 / 57600, 0.0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40],
-        error_order=4,
-    )
-
-
-def verner() -> Method:
-    """Verner's pair 6(5): eight stages."""
-    return runge_kutta(
-        "verner",
-        6,
-        [
-            [1 / 6],
-            [4 / 75, 16 / 75],
-            [5 / 6, -8 / 3, 5 / 2],
-            [-165 / 64, 55 / 6, -425 / 64, 85 / 96],
-            [12 / 5, -8.0, 4015 / 612, -11 / 36, 88 / 255],
-            [-8263 / 15000, 124 / 75, -643 / 680, -81 / 250, 2484 / 10625],
-            [3501 / 1720, -300 / 43, 297275 / 52632, -319 / 2322, 24068 / 84065, 0.0, 3850 / 26703],
-        ],
-        [3 / 40, 0.0, 875 / 2244, 23 / 72, 264 / 1955, 0.0, 125 / 11592, 43 / 616],
-        [13 / 160, 0.0, 2375 / 5984, 5 / 16, 12 / 85, 3 / 44, 0.0, 0.0],
-        error_order=5,
-    )
-
-
-def dop853() -> Method:
-    """Hairer's method of order 8, with its error estimate of order 5: twelve stages. The coefficients are scipy's."""
-    from scipy.integrate import DOP853
-
-    a, b = np.array(DOP853.A)[:12, :12], np.array(DOP853.B)
-    e = np.array(DOP853.E5)[:12]
-    return Method("dop853", 8, a, b, a @ a, b @ a, e, e @ a, error_order=5)
-
-
-METHODS = {
-    "euler": euler,
-    "semi-implicit-euler": semi_implicit_euler,
-    "rk4": rk4,
-    "cash-karp": cash_karp,
-    "dormand-prince": dormand_prince,
-    "verner": verner,
-    "dop853": dop853,
-}
-"""Name -> how to make it."""
-
-DEFAULT = "cash-karp"
-"""What closed loops integrate with: the motors' torque jumps at every tick, so that a last stage that is the next
-step's first, as in Dormand and Prince's, is wasted."""
-
 STEP_TOLERANCE = 1e-10
 """The error that closed loops allow a step, relative to the largest joint and the largest rate: a tenth of what they
 promise for a tick, which may take several steps."""
 
 
 def default_method() -> Method:
-    """The method that closed loops use."""
-    return METHODS[DEFAULT]()
+    """The method that closed loops use.
+
+    The motors' torque jumps at every tick, so that a last stage that is the next step's first, as in Dormand and
+    Prince's, is wasted.
+    """
+    return cash_karp()
 
 
 def control(method: Method, *, tolerance: float = STEP_TOLERANCE, substeps: int = 1) -> Array:

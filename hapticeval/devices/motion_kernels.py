@@ -30,7 +30,6 @@ from hapticeval.compiled import (
     FirstClass,
     as_record,
     borrowing,
-    compiled,
     first_class,
     inner,
     record_type,
@@ -487,24 +486,3 @@ def advance_of(motion: Motion, *, exact: bool = False) -> FirstClass:
     times = types.int64, types.float64, types.float64
     signature = types.int64(typeof(motion), *times, VECTOR, VECTOR, VECTOR)  # type: ignore[no-untyped-call]
     return first_class(advance_point_mass if exact else advance, signature)
-
-
-@compiled
-def advance_many(motion: Motion, states: Array, afresh: bool, torque: Array) -> int:
-    """Move a device by a tick for each row of `torque` (n, N), N m or N; return all steps.
-
-    Joints (rad or m) and rates after each tick go to `states` (k, m), a row of 2 N each, from row 1 on. `afresh`: each
-    tick starts from the state that is there already. Otherwise it starts where the last one ended.
-    """
-    ticks, size = torque.shape
-    step_count = 0
-    joints, rates = np.empty(size), np.empty(size)
-    start = states.copy()
-    for tick in range(ticks):
-        if afresh or tick == 0:
-            for i in range(size):
-                joints[i], rates[i] = start[tick, i], start[tick, size + i]
-        step_count += advance(motion, tick, 0.0, motion.load.dt, joints, rates, torque[tick])
-        for i in range(size):
-            states[tick + 1, i], states[tick + 1, size + i] = joints[i], rates[i]
-    return step_count

@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hapticeval.devices.integration import METHODS, control, default_method
+from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.motion_kernels import Load, advance, motion_of
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.examples.studies.integrators import (
+    METHODS,
     TARGET,
     IntegrationBenchmark,
     Integrator,

@@ -7,11 +7,11 @@ from functools import partial
 
 import pytest
 
-from hapticeval.devices.integration import DEFAULT, METHODS, STEP_TOLERANCE
+from hapticeval.devices.integration import STEP_TOLERANCE
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.errors import HapticevalError
 from hapticeval.examples.studies import integrators
-from hapticeval.examples.studies.integrators import LOOKS, write_precision
+from hapticeval.examples.studies.integrators import DEFAULT, LOOKS, METHODS, write_precision
 
 
 @pytest.fixture(scope="module")
