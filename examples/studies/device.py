@@ -27,15 +27,12 @@ from hapticeval.devices.catalogue import device_named
 from hapticeval.devices.device import Device
 from hapticeval.devices.parallelogram import (
     BASE_LIMIT,
-    EDGES,
     MOTOR_TORQUE,
     Parallelogram,
     Parallelogram2,
     Parallelogram3,
-    corner_angles,
 )
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import lattice, nearest_limit, nearest_singularity
 from hapticeval.errors import DomainError
 from hapticeval.examples.studies.device_criteria import (
     CLEARANCE,
@@ -46,6 +43,17 @@ from hapticeval.examples.studies.device_criteria import (
     cartesian_inertia,
     criteria,
     over_workspace,
+)
+from hapticeval.examples.studies.reach import (
+    EDGES,
+    corner_angles,
+    describe_dynamics,
+    lattice,
+    nearest_limit,
+    nearest_singularity,
+    trace_edges,
+    trace_section,
+    workspace_size,
 )
 from hapticeval.quantity import format_quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, PALETTE, figure, save_figure
@@ -125,7 +133,7 @@ def _criteria_rows(robot: Device, pose: Criteria, limit: float | None) -> Iterat
     """Yield name and text of each criterion at the pose."""
     yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
     if isinstance(robot, Parallelogram):
-        yield "dynamics", robot.described_dynamics
+        yield "dynamics", describe_dynamics(robot)
     yield "hand", f"{_vector_text(1e3 * pose.position)} mm"
     # None for a device without limits, as a point mass.
     nearest = nearest_limit(robot, pose.joints)
@@ -136,7 +144,7 @@ def _criteria_rows(robot: Device, pose: Criteria, limit: float | None) -> Iterat
         yield "nearest limit", nearest.text
         yield "singularities", f"none within {nearest_singularity(robot, pose.joints):.4g} rad of the joints"
     if isinstance(robot, Parallelogram):
-        yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
+        yield "workspace", f"{workspace_size(robot):.4g} {'m²' if robot.dimension == 2 else 'm³'}"
     yield from _direction_rows("inertia", pose.masses, "kg", pose.directions)
     yield "anisotropy", f"{pose.anisotropy:.4g}, the heaviest direction over the lightest"
     yield from _direction_rows("damping", pose.resistances, "N s/m", pose.resistance_directions)
@@ -211,11 +219,12 @@ def _draw_side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The linkage's plane: what is reached, its edges by limit, inertia, and the pose with both links."""
     has_base, constants = isinstance(device, Parallelogram3), device.constants
     linkage_device = Parallelogram2(constants)
-    edge_points = MM * np.concatenate([points for _, points in device.edges()])
+    edge_points = MM * np.concatenate([points for _, points in trace_edges(device)])
     axes.fill(*edge_points.T, facecolor=PALETTE["model"], edgecolor="none")
-    axes.fill(*(MM * device.section().T), facecolor=PALETTE["inside"], edgecolor="none", label="functional workspace")
+    section_points = MM * trace_section(device)
+    axes.fill(*section_points.T, facecolor=PALETTE["inside"], edgecolor="none", label="functional workspace")
     names = _joint_names(device)
-    for name, points in device.edges():
+    for name, points in trace_edges(device):
         label = f"{names.pop(name)} at its limit" if name in names else None
         axes.plot(*(MM * points.T), color=LIMIT_COLOURS[name], linewidth=1.5, label=label)
     if has_base:
@@ -260,7 +269,7 @@ def _draw_ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = F
 
 def _draw_top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     """From above: what the base sweeps, with the horizontal part of the inertia at the height of the pose."""
-    outline, axis = device.section(), np.array([-device.constants.l4, 0.0])
+    outline, axis = trace_section(device), np.array([-device.constants.l4, 0.0])
     # m from the base's axis, which lies l4 behind the hand at home.
     inner, outer = (device.constants.l4 + end for end in (outline[:, 0].min(), outline[:, 0].max()))
     turns = np.linspace(-BASE_LIMIT, BASE_LIMIT, 200)

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from hapticeval.devices.device import Device, checked_joints
 from hapticeval.devices.parallelogram import ENCODER_STEP
-from hapticeval.devices.workspace import lattice
 from hapticeval.errors import InputError
+from hapticeval.examples.studies.reach import lattice
 from hapticeval.types import Array
 
 SAMPLING_TIME = 1e-3

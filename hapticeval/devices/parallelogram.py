@@ -44,9 +44,6 @@ MOTOR_TORQUE = 0.368
 ENCODER_STEP = 2.0 * math.pi / ENCODER_COUNTS
 """2.4e-5 rad per count."""
 
-EDGES = ("elbow", "stop", "shoulder", "elbow", "stop")
-"""The limit that each edge of (2.38) is, from the corner with the least angles on, anticlockwise."""
-
 
 class Dynamics(StrEnum):
     """Which velocity terms the base's changing inertia d₀(x₂, x₃) makes.
@@ -262,37 +259,6 @@ class Parallelogram(ABC):
         )
         return inertia, bias
 
-    def edges(self, n: int = 400) -> tuple[tuple[str, Array], ...]:
-        """Trace the five edges of what the linkage reaches, in its plane: each limit's name, and n / 5 points (m).
-
-        A limit's name is `shoulder`, `elbow` or `stop`. With the base turning, a part lies beyond its axis.
-        """
-        corner_joints = corner_angles()
-        locked_base = Parallelogram2(self.constants)
-        traced = []
-        # an edge is straight in joint space, and a curve in the plane
-        for name, start, end in zip(EDGES, corner_joints, np.roll(corner_joints, -1, axis=0), strict=True):
-            joints = np.linspace(start, end, max(2, n // len(corner_joints)) + 1)
-            traced.append((name, np.array([locked_base.position(pose) for pose in joints])))
-        return tuple(traced)
-
-    def section(self, n: int = 400) -> Array:
-        """Trace the outline of the functional workspace in the linkage's plane, closed, about `n` points (k, 2), m.
-
-        The plane is (y₁, y₂) with the base locked. With the base turning it is (y₁, y₃) at x₁ = 0: the workspace is
-        what the section sweeps as the base turns within its limits.
-        """
-        return np.concatenate([points[:-1] for _, points in self.edges(n)])
-
-    @abstractmethod
-    def size(self, n: int = 20_000) -> float:
-        """Return the area (m²) or volume (m³) of the functional workspace, from an outline of about `n` points."""
-
-    @property
-    @abstractmethod
-    def described_dynamics(self) -> str:
-        """Which equations of motion it follows, in words."""
-
 
 @dataclass(frozen=True)
 class Parallelogram2(Parallelogram):
@@ -309,17 +275,6 @@ class Parallelogram2(Parallelogram):
     @property
     def _equations(self) -> tuple[Callable[..., None], Callable[..., None]]:
         return kinematics2, dynamics2
-
-    @property
-    def described_dynamics(self) -> str:
-        """Which equations of motion it follows, in words."""
-        return "of constant inertia: printed (2.35) and lagrangian are the same"
-
-    def size(self, n: int = 20_000) -> float:
-        """Return the area of the functional workspace, m²."""
-        # the shoelace formula
-        x, y = self.section(n).T
-        return abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2.0
 
     def _inverse(self, point: Array) -> Array:
         return self._reached(point)
@@ -342,51 +297,11 @@ class Parallelogram3(Parallelogram):
     def _equations(self) -> tuple[Callable[..., None], Callable[..., None]]:
         return kinematics3, dynamics3
 
-    @property
-    def described_dynamics(self) -> str:
-        """Which equations of motion it follows, in words."""
-        lagrangian = self.dynamics is Dynamics.LAGRANGIAN
-        how = "they conserve energy without friction" if lagrangian else "(2.26): they create energy"
-        return f"{self.dynamics}, {how}; base inertia d₀ with {self.base_inertia}² x₃"
-
-    def section(self, n: int = 400) -> Array:
-        """Trace the outline in the plane of the linkage, which ends at the base's axis."""
-        return _part_right_of(super().section(n), -self.constants.l4)
-
-    def size(self, n: int = 20_000) -> float:
-        """Return the volume of the functional workspace, m³, by Pappus: the base's angle times the first moment."""
-        x, up = self.section(n).T
-        x = x + self.constants.l4
-        across, above = np.roll(x, -1), np.roll(up, -1)
-        # the first moment of the section about the axis, triangle by triangle of its outline (Pappus)
-        moment = float(((x + across) * (x * above - across * up)).sum()) / 6.0
-        return 2.0 * BASE_LIMIT * abs(moment)
-
     def _inverse(self, point: Array) -> Array:
         # on the axis every base angle gives the same point
         if math.hypot(point[0] + self.constants.l4, point[1]) == 0.0:
             raise self._unreachable(point, "it lies on the base's axis, where x1 is not defined (a singularity)")
         return self._reached(point)
-
-
-def corner_angles() -> Array:
-    """Return the corners of (2.38) in the plane of the linkage's joints, (5, 2), rad: the bound x₁ > -2.4 is never met.
-
-    In the order of `EDGES`.
-    """
-    low, high, stop, end = ELBOW_LOW, ELBOW_HIGH, COLLAPSE_STOP, SHOULDER_LIMIT
-    return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
-
-
-def _part_right_of(outline: Array, axis: float) -> Array:
-    """Return the part of a closed outline (n, 2), m, with first coordinates above `axis`, closed along it."""
-    vertices: list[Array] = []
-    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        if start[0] > axis:
-            vertices.append(start)
-        if (start[0] > axis) != (end[0] > axis):  # where the edge crosses the axis
-            vertices.append(start + (axis - start[0]) / (end[0] - start[0]) * (end - start))
-    return np.array(vertices)
 
 
 def kinematics2(

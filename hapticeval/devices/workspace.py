@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.devices.device import Device, Limit
+from hapticeval.devices.device import Device
 from hapticeval.errors import DomainError, InputError, in_m
-from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
@@ -33,23 +31,6 @@ class Fit(NamedTuple):
     row: int
     point: tuple[float, ...]
     why: str = ""
-
-
-def nearest_limit(device: Device, joints: Array) -> Limit | None:
-    """Return the joint limit that is nearest to `joints` (N,), rad or m; None for a device without."""
-    return min((limit for limit in device.limits(joints) if not limit.singular), key=_distance, default=None)
-
-
-def nearest_singularity(device: Device, joints: Array) -> float:
-    """Return a distance (rad, Euclidean) from `joints` (N,), rad or m, within which no singularity lies.
-
-    Infinite for a device without.
-    """
-    return min((abs(limit.distance) for limit in device.limits(joints) if limit.singular), default=math.inf)
-
-
-def _distance(limit: Limit) -> float:
-    return limit.distance
 
 
 def fit_in_workspace(device: Device, model: Model | ArrayLike) -> Fit:
@@ -104,24 +85,3 @@ def _points_hold(device: Device, points: ArrayLike) -> Fit:
         if margin < smallest_margin:
             smallest_margin, index = margin, i
     return Fit(True, smallest_margin, index, tuple(array[index].tolist()))
-
-
-def lattice(device: Device, *, step: float = 0.2, clearance: float = 0.0) -> Array:
-    """Return configurations (n, N) in steps of `step` rad from home on, with a margin of more than `clearance` rad.
-
-    They are those that home can be stepped to along the lattice; of a device without limits, home alone.
-    """
-    home = (0,) * device.dimension
-    if not device.limits(np.zeros(device.dimension)):
-        return np.zeros((1, device.dimension))
-    moves = [move for move in itertools.product((-1, 0, 1), repeat=device.dimension) if any(move)]
-    # flood fill from home over neighbours along edges and diagonals
-    nodes, reached_nodes, waiting = [], {home}, [home]
-    while waiting:
-        node = waiting.pop()
-        if device.margin(step * np.array(node)) > clearance:
-            nodes.append(node)
-            new_nodes = {tuple(np.add(node, move).tolist()) for move in moves} - reached_nodes
-            reached_nodes |= new_nodes
-            waiting += new_nodes
-    return step * np.array(sorted(nodes)).reshape(-1, device.dimension)

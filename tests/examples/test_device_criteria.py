@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 
 from hapticeval.devices.parallelogram import ENCODER_STEP, BaseInertia, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError, InputError
 from hapticeval.examples.studies.device_criteria import (
     CLEARANCE,
@@ -20,6 +19,7 @@ from hapticeval.examples.studies.device_criteria import (
     peak_force,
     position_resolution,
 )
+from hapticeval.examples.studies.reach import lattice
 
 
 def test_in_the_plane_at_home():
