@@ -15,6 +15,7 @@ from hapticeval.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
+    from hapticeval.recordings.recording import Recording
     from hapticeval.types import Array
 
 
@@ -158,6 +159,17 @@ SceneEntries = Annotated[
         help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
     ),
 ]
+
+
+def load_within(
+    memory_limit: float, file: Path, mapping: Path | None, format_: str | None, *, salvaging: bool = False
+) -> Recording:
+    """Read a recording or a foreign file by the options above; see `hardware.logs.load` and `recordings.memory`."""
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.memory import limited
+
+    with limited(memory_limit):
+        return load(file, mapping=mapping, format=format_, salvaging=salvaging)
 
 
 def model_named(text: str) -> Model:

@@ -104,10 +104,6 @@ def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
     return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}"
 
 
-def _change_words(change: VerdictChange) -> str:
-    return f"{change.standing}: {_outcome_words(change)}"
-
-
 def _outcome_words(change: VerdictChange) -> str:
     """Return an outcome and what it is now, or the one outcome where only one run has the verdict."""
     # Only one of the runs has the verdict.
@@ -154,7 +150,11 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     kinds = {"worse": "error", "gone": "warning", "changed": "warning"}
     annotations = [annotation("warning", "suite", suite) for suite in comparison.suites]
     annotations += [
-        annotation(kinds.get(c.standing, "notice"), f"{c.renderer} on {c.place}", f"{_change_words(c)}: {c.message}")
+        annotation(
+            kinds.get(c.standing, "notice"),
+            f"{c.renderer} on {c.place}",
+            f"{c.standing}: {_outcome_words(c)}: {c.message}",
+        )
         for c in comparison.verdicts
     ]
     if verbose:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +21,7 @@ from hapticeval.commands.arguments import (
     TouchedModel,
     Verbose,
     argument,
+    load_within,
     model_named,
     option,
     renderers_option,
@@ -371,8 +372,6 @@ def replay(
       hapticeval replay run7.h5 --as-recorded
     """
     from hapticeval.discovery import own_renderers
-    from hapticeval.hardware.logs import load
-    from hapticeval.recordings.memory import limited
     from hapticeval.replay.as_recorded import unstated_renderer
     from hapticeval.replay.subject import make_replay_case
 
@@ -384,10 +383,10 @@ def replay(
             why="new results take the place of earlier ones",
             todo="name another folder with -o",
         )
-    with limited(memory_limit):
-        recording = load(file, mapping=mapping, format=format_)
+    recording = load_within(memory_limit, file, mapping, format_)
+    named = None if model is None else model_named(model)
     replay_case = make_replay_case(
-        file, recording, model=_model_table(model), suite_case=suite_case, scene=scene or (),
+        file, recording, model=named and named.table, suite_case=suite_case, scene=scene or (),
         unsaid=unstated_renderer(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
     # Named where the recording is suspicious.
@@ -397,14 +396,6 @@ def replay(
     raise typer.Exit(
         _replay_path(replay_case, renderers or list(own_renderers()), directory, seed, hint, verbose=verbose)
     )
-
-
-def _model_table(name: str | None) -> Mapping[str, Any] | None:
-    """Return a model that was named on the command line as recordings and suites write it."""
-    if name is None:
-        return None
-    model = model_named(name)
-    return {"kind": model.name, **model.parameters}
 
 
 def _replay_path(

@@ -57,20 +57,19 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
 
     Raises as `suites_named` and `load_suite` do.
     """
+    from hapticeval.suite.reading import load_suite
+
     installed = find_suites()
     # A suite that several groups have is listed once.
     for name in dict.fromkeys(member for name_or_group in named or installed for member in suites_named(name_or_group)):
-        outlined = outline(installed[name]).cases if name in installed else _cases_in_file(name)
+        if name in installed:
+            outlined = outline(installed[name]).cases
+        else:
+            outlined = [(Heading(case.name, case.title), case.judged) for case in load_suite(name).cases]
         yield (
             name,
             ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in outlined),
         )
-
-
-def _cases_in_file(file: str) -> Sequence[tuple[Heading, bool]]:
-    from hapticeval.suite.reading import load_suite
-
-    return [(Heading(case.name, case.title), case.judged) for case in load_suite(file).cases]
 
 
 def checks() -> Rows:

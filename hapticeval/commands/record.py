@@ -420,13 +420,17 @@ def _recording_meta(
     from hapticeval.runner.results import environment
 
     gains = {"stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass}
-    model = {"kind": scene.model.name, **scene.model.parameters}
     # Its kind stands in a field of its own.
     device = wiring.description()
     meta = {
         "source": "hardware",
         "renderer": renderer,
-        "scene": {**gains, "sampling_time": scene.sampling_time, "bilateral": scene.bilateral, "model": model},
+        "scene": {
+            **gains,
+            "sampling_time": scene.sampling_time,
+            "bilateral": scene.bilateral,
+            "model": scene.model.table,
+        },
         "gains": gains,
         "device": device.pop("kind"),
         "device_parameters": {"hardware": hardware, **device},

@@ -20,6 +20,7 @@ from hapticeval.commands.arguments import (
     SuiteCase,
     TouchedModel,
     argument,
+    load_within,
     model_named,
     option,
     parse_point,
@@ -241,15 +242,12 @@ def convert(
       hapticeval convert cut.h5 --salvage -o whole.h5
     """
     from hapticeval.files import refuse_existing
-    from hapticeval.hardware.logs import load
     from hapticeval.recordings.importing.convert import export
     from hapticeval.recordings.integrity.report import describe_conversion
-    from hapticeval.recordings.memory import limited
     from hapticeval.recordings.provenance import incomplete
 
     refuse_existing(output)
-    with limited(memory_limit):
-        recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
+    recording = load_within(memory_limit, file, mapping, format_, salvaging=salvage)
     # What is suspicious is told, and converted all the same.
     export(output, recording)
     say(f"{describe_conversion(recording)}\nwrote {output}")
@@ -395,19 +393,16 @@ def view(
       hapticeval view log.mat --mapping rig.toml --scene stiffness=2000
       hapticeval view signal.svc --mapping handwriting.toml --model circle
     """
-    from hapticeval.hardware.logs import load
-    from hapticeval.recordings.memory import limited
     from hapticeval.replay.viewing import view_recording
     from hapticeval.reports.case_page import write_view
 
     directory = directory or Path(f"view-{file_stem(file.stem)}")
-    with limited(memory_limit):
-        recording = load(file, mapping=mapping, format=format_)
+    recording = load_within(memory_limit, file, mapping, format_)
     named = None if model is None else _touched_model(recording, model)
     # Judged where model and stiffness are known, shown alone where they are not.
     viewed_run = view_recording(
         file, recording, suite_case=suite_case, scene=scene or (),
-        model=None if named is None else {"kind": named.name, **named.parameters},
+        model=named and named.table,
     )  # fmt: skip
     # With the reason where nothing was judged.
     page = write_view(directory, viewed_run.entry, viewed_run.recording, viewed_run.verdicts, note=viewed_run.unjudged)

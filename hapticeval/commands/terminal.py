@@ -114,7 +114,8 @@ class Terminal:
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
         elif isinstance(event, AtWork):
-            self.still(event.finished_jobs, self._planned_jobs, _at_work_words(event))
+            at_work = f"at work for {event.seconds:.0f} s: {_first_run_words(event.runs)}"
+            self.still(event.finished_jobs, self._planned_jobs, at_work)
         elif isinstance(event, WorkerRefused):
             self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
@@ -242,10 +243,6 @@ def kernels_are_new() -> bool:
     from hapticeval.kernel_cache import kernel_folder
 
     return next(kernel_folder().rglob("*.nbi"), None) is None
-
-
-def _at_work_words(event: AtWork) -> str:
-    return f"at work for {event.seconds:.0f} s: {_first_run_words(event.runs)}"
 
 
 def _first_run_words(runs: Sequence[RunKey]) -> str:

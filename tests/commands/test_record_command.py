@@ -221,6 +221,16 @@ def test_what_it_writes_is_sound_and_follows(here, capsys):
     assert capsys.readouterr().out.count("follows to the last bit") == 2
 
 
+def test_a_model_of_a_file_is_recorded_as_one_that_can_be_made_again(here, capsys):
+    corners = "-0.05 -0.05, 0.05 -0.05, 0.05 0.05, -0.05 0.05, -0.05 -0.05"
+    (here / "plate.wkt").write_text(f"POLYGON (({corners}))")
+    assert record("--model", "plate.wkt") == 0
+    assert main(["replay", "run.h5", "--as-recorded"]) == 0, capsys.readouterr().err
+    assert main(["view", "run.h5", "--model", "plate.wkt"]) == 0, capsys.readouterr().err
+    (here / "plate.wkt").rename(here / "other.wkt")
+    assert main(["replay", "run.h5", "--as-recorded", "--model", "other.wkt"]) == 0, capsys.readouterr().err
+
+
 def test_a_wiring_from_a_file(here):
     code = record("--wiring", "rig.toml", "--device", "twin")
     assert code in (0, 1)
