@@ -87,9 +87,8 @@ def bench(
     from hapticeval.runner.results import RESULTS_FILE
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import join_benches, read_bench, read_samples, write_bench
-    from hapticeval.study.bench.judge import describe_missed, judge_bench
+    from hapticeval.study.bench.judge import describe, describe_missed, judge_bench
     from hapticeval.study.bench.sweep import Sweep, settings_by_model
-    from hapticeval.study.bench.text import describe
 
     error_limit = None if within is None else parse_length(within, option="--within")
     time_limit = None if budget is None else parse_duration(budget, option="--budget")

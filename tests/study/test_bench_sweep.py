@@ -37,7 +37,7 @@ from hapticeval.study.bench.document import (
     read_samples,
     write_bench,
 )
-from hapticeval.study.bench.judge import describe_missed, describe_unproven, judge_bench
+from hapticeval.study.bench.judge import describe, describe_missed, describe_unproven, judge_bench
 from hapticeval.study.bench.measure import array_bytes, batch_times, sample_track, step_times, time_builds
 from hapticeval.study.bench.sweep import (
     Effort,
@@ -47,7 +47,6 @@ from hapticeval.study.bench.sweep import (
     settings_by_model,
     settings_of,
 )
-from hapticeval.study.bench.text import describe
 
 TINY = Effort(models=("cassinian", "star"), finer=(1, 2, 4), rounds=3, steps=20, batches=3, builds=2)
 
