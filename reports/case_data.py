@@ -116,7 +116,6 @@ def sample_tracks(
     times: Mapping[str, Collection[float]],
     *,
     held_on: Model | None = None,
-    count: int = THINNED_SAMPLES,
 ) -> list[Track]:
     """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
@@ -138,7 +137,7 @@ def sample_tracks(
         # The sample nearest to each time that a verdict names.
         verdict_rows = {int(np.argmin(np.abs(time - moment))) for name in names for moment in times.get(name, ())}
         surface_signals = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
-        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, count, surface_signals)
+        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, extra_signals=surface_signals)
         rows = chosen.rows
         for name in names:
             track = _sample_track(name, recordings[name], chosen)

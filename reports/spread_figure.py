@@ -17,6 +17,7 @@ import numpy as np
 from hapticeval.files import file_stem, plain, without_non_finite
 from hapticeval.recordings.compare.align import PASS_COLUMNS, Aligned
 from hapticeval.recordings.compare.spread import Band, Comparison
+from hapticeval.recordings.compare.spread import bands as bands_of
 from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.integrity.report import Integrity, Soundness
 from hapticeval.recordings.recording import Recording, runs_of
@@ -128,13 +129,12 @@ SETTINGS = {"axes.titlesize": 9.0, "axes.titlelocation": "left"}
 """matplotlib's rcParams of this figure."""
 
 
-def write_spread(
-    directory: Path, aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]
-) -> list[Path]:
+def write_spread(directory: Path, aligned: Aligned, comparisons: Sequence[Comparison]) -> list[Path]:
     """Write comparison.svg, .png, .md and .json into `directory`; return the paths written.
 
     Raises `HapticevalError` where a file cannot be written.
     """
+    bands = bands_of(aligned)
     # In a fixed order; a signal that was not recorded has no panel.
     columns = [name for name in COLUMN_TITLES if any(band.column == name for band in bands)]
     rows = (len(columns) + 1) // 2

@@ -297,7 +297,6 @@ def compare(
       hapticeval compare --by arc --model star constraint=a.h5 constraint=b.h5 mapping=c.h5 mapping=d.h5
     """
     from hapticeval.recordings.compare.align import Abscissa, align
-    from hapticeval.recordings.compare.spread import bands
     from hapticeval.recordings.compare.spread import compare as compared
     from hapticeval.recordings.memory import limited
     from hapticeval.reports.spread_figure import summary, write_spread
@@ -314,7 +313,7 @@ def compare(
     except InputError as error:
         # Drawn without a comparison; the reason is raised below, if there are renderers to compare.
         refused, comparisons = error, ()
-    written = write_spread(directory, aligned, bands(aligned), comparisons)
+    written = write_spread(directory, aligned, comparisons)
     say(paragraphs(summary(aligned, comparisons), wrote_lines(written)))
     if refused is not None and len({run.renderer for run in runs}) > 1:
         raise refused

@@ -104,32 +104,13 @@ def search(
       hapticeval search --replay found -r mine:Renderer
       hapticeval run found/constraint/continuous-contact.toml -r constraint
     """
-    raise typer.Exit(
-        _replay_kept(replay, renderers)
-        if replay is not None
-        else _search_renderers(
-            renderers, checks, models, dimension, seconds, examples, directory, range(seed, seed + seeds), scheduler
-        )
-    )
-
-
-def _search_renderers(
-    renderers: list[str] | None,
-    checks: list[str] | None,
-    models: list[str] | None,
-    dimension: int | None,
-    seconds: float,
-    examples: int | None,
-    directory: Path,
-    seeds: range,
-    scheduler: str | None,
-) -> int:
-    """Search for counterexamples to each renderer, print and keep them, and return the exit code."""
     from hapticeval.files import plain
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.seeds import Hunt
 
+    if replay is not None:
+        raise typer.Exit(_replay_kept(replay, renderers))
     names = _searched_renderers(renderers)
     check_ids = _searched_checks(checks)
     if models and dimension is not None:
@@ -147,9 +128,12 @@ def _search_renderers(
             return interrupts.count > 0
 
         # All renderers and seeds side by side; else one after the other, with a bar.
-        if len(seeds) > 1 or scheduler is not None:
-            return _hunt_side_by_side(hunts, seeds, scheduler, directory, terminal, interrupted)
-        return _hunt_in_turn(hunts, seeds[0], directory, terminal, interrupted)
+        if seeds > 1 or scheduler is not None:
+            all_seeds = range(seed, seed + seeds)
+            code = _hunt_side_by_side(hunts, all_seeds, scheduler, directory, terminal, interrupted)
+        else:
+            code = _hunt_in_turn(hunts, seed, directory, terminal, interrupted)
+    raise typer.Exit(code)
 
 
 def _searched_renderers(renderers: list[str] | None) -> list[str]:

@@ -83,10 +83,10 @@ class Shrink:
         self._most_trials = most_trials
         if isinstance(self.case.trajectory, Moves):
             # What comes after the evidence makes no difference, and costs time in every further trial.
-            self._take_first_failing(_cut_after_fault(self))
+            self._take_first_failing(self._cut_after_fault)
             if size_of(self.case) > LONG_PATH:  # each case that is tried takes as long as its path
                 self._take_first_failing(_even_moves)
-            self._fixpoint(_without_tremor, _cut_after_fault(self), _fewer_moves, _even_moves, self._shorter)
+            self._fixpoint(_without_tremor, self._cut_after_fault, _fewer_moves, _even_moves, self._shorter)
             # Vertices on a path that is short by now: trials are quick.
             self._fixpoint(_fewer_vertices, _fewer_moves, self._shorter)
             # Bounds grow with the HIP's steps: a fault that is small on a short path shows under a slower hand.
@@ -152,10 +152,14 @@ class Shrink:
         points, model = _points(_moves(case)), case.build_scene().model
         length = _length(points)
         feet = model.boundary.closest_point(points).foot
-        end = self._hand_after_fault(case)
+        ends = []
+        if self.fault.time is not None:
+            # Where the hand is two ticks after the evidence (N,), m.
+            path, time = _moves(case).path(), self.fault.time + 2.0 * case.build_scene().sampling_time
+            ends = [np.array([np.interp(time, path.time, column) for column in path.points.T])]
         candidates = [
             *_with_start_nearby(points, feet, model),
-            *([] if end is None else [np.vstack([points[:-1], end])]),
+            *(np.vstack([points[:-1], end]) for end in ends),
             *_with_point_pulled(points),
             *_drawn_together(points, feet, model),
         ]
@@ -163,13 +167,17 @@ class Shrink:
             if SHORTEST_PATH <= _length(moved_points) < SHORTER_SHARE * length:
                 yield _with_points(case, moved_points)
 
-    def _hand_after_fault(self, case: Case) -> Array | None:
-        """Return where the hand is (N,), m, two ticks after the evidence; None where that has no time."""
-        if self.fault.time is None:
-            return None
-        path = _moves(case).path()
-        time = self.fault.time + 2.0 * case.build_scene().sampling_time
-        return np.array([np.interp(time, path.time, column) for column in path.points.T])
+    def _cut_after_fault(self, case: Case) -> Iterator[Case]:
+        """End a path soon after the time of the evidence."""
+        moves, fault_time = _moves(case), self.fault.time
+        if fault_time is None:
+            return
+        end_times = np.cumsum([move.seconds for move in moves.moves])
+        # Up to the end of the move in which the evidence lies, or else of the next one.
+        move_count = int(np.searchsorted(end_times, fault_time)) + 1
+        for count in (move_count, move_count + 1):
+            if count < len(moves.moves):
+                yield _with_moves(case, replace(moves, moves=moves.moves[:count]))
 
 
 def _moves(case: Case) -> Moves:
@@ -280,24 +288,6 @@ def _without_tremor(case: Case) -> Iterator[Case]:
     moves = _moves(case)
     if moves.tremor is not None:
         yield _with_moves(case, replace(moves, tremor=None))
-
-
-def _cut_after_fault(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
-    """Return the pass that ends a path soon after the time of the evidence."""
-
-    def cut(case: Case) -> Iterator[Case]:
-        moves, fault_time = _moves(case), shrink.fault.time
-        if fault_time is None:
-            return
-        end_times = np.cumsum([move.seconds for move in moves.moves])
-        # Up to the end of the move in which the evidence lies, or else of the next one.
-        move_count = int(np.searchsorted(end_times, fault_time)) + 1
-        if move_count < len(moves.moves):
-            yield _with_moves(case, replace(moves, moves=moves.moves[:move_count]))
-        if move_count + 1 < len(moves.moves):
-            yield _with_moves(case, replace(moves, moves=moves.moves[: move_count + 1]))
-
-    return cut
 
 
 def _fewer_moves(case: Case) -> Iterator[Case]:

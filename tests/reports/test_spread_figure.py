@@ -13,7 +13,7 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.recordings.compare.align import GRID_POINTS, Abscissa, Run, align
 from hapticeval.recordings.compare.permutation import LEVEL, least_p, needed
-from hapticeval.recordings.compare.spread import bands, compare
+from hapticeval.recordings.compare.spread import compare
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.spread_figure import summary, table, write_spread
@@ -40,8 +40,8 @@ def aligned():
 
 def test_everything_is_written_twice_alike(aligned, tmp_path):
     found = compare(aligned)
-    first = write_spread(tmp_path / "one", aligned, bands(aligned), found)
-    again = write_spread(tmp_path / "two", aligned, bands(aligned), found)
+    first = write_spread(tmp_path / "one", aligned, found)
+    again = write_spread(tmp_path / "two", aligned, found)
     assert [path.suffix for path in first] == [".svg", ".png", ".md", ".json"]
     for one, two in zip(first, again, strict=True):
         assert one.read_bytes() == two.read_bytes()
