@@ -160,7 +160,8 @@ class _RunFactory:
         if isinstance(self.stimulus, Experiment) and not _moves_alike(self.scene, motion):
             return None
         if motion not in self._moved:
-            self._moved[motion] = self._moved_scene(motion)
+            unmoved = self.scene, self.renderer
+            self._moved[motion] = unmoved if motion.is_identity else self._with_model(self.scene.model.moved(motion))
         scene, renderer = self._moved[motion]
         if renderer is None:
             return None
@@ -253,10 +254,6 @@ class _RunFactory:
         self.simulated += len(recording) * scene.sampling_time
         # An experiment that ended early is not comparable with the base recording.
         return None if "ended" in recording.meta else recording
-
-    def _moved_scene(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
-        """Return the moved scene and the renderer in it; None where it cannot be moved, or the renderer refuses it."""
-        return (self.scene, self.renderer) if motion.is_identity else self._with_model(self.scene.model.moved(motion))
 
     def _with_model(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene with another model and a renderer in it, None without a model or where it is refused."""

@@ -58,10 +58,11 @@ class Cluster:
         return self._start([*arguments, *options], **environment)
 
     def pids(self) -> list[int]:
-        """The workers themselves, without their nannies."""
+        """The workers themselves, without their nannies; waits until as many as were started are there."""
         from distributed import Client
 
         with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(self.workers, timeout=60)
             return list(client.run(os.getpid).values())
 
     def _start(self, arguments: list[str], **environment: str) -> subprocess.Popen[Any]:

@@ -176,13 +176,15 @@ def settings_on_meshes(
     meshes = [(finer, len(triangulate_surface(surface, finer)[1])) for finer in (QUICK if quick else FULL).finer]
     settings = []
     for name in dict.fromkeys(renderers):
+        factory = resolve(name)
         cells = {
             knob: definition.values[:1]
-            for knob, definition in choices_of(resolve(name)).knobs.items()
+            for knob, definition in choices_of(factory).knobs.items()
             if definition.unit == "m"
         }
         swept = {**cells, **(chosen or {})}
-        for setting in settings_of([name], quick=quick, chosen=swept) if swept else [_setting_without_knobs(name)]:
+        without_knobs = [Setting(name, {}, factory, factory)]
+        for setting in settings_of([name], quick=quick, chosen=swept) if swept else without_knobs:
             # The number of triangles is shown as if it were a knob: space is measured by meshes.
             units = {"triangles": "", **setting.units}
             # A knob in metres is a table's cell: such a renderer reads its table, whatever the mesh.
@@ -190,11 +192,6 @@ def settings_on_meshes(
                 values = {"triangles": float(triangles), **setting.values}
                 settings.append(replace(setting, values=values, units=units, finer=finer))
     return settings
-
-
-def _setting_without_knobs(name: str) -> Setting:
-    factory = resolve(name)
-    return Setting(name, {}, factory, factory)
 
 
 def settings_by_model(
