@@ -384,9 +384,9 @@ def replay(
             todo="name another folder with -o",
         )
     recording = load_within(memory_limit, file, mapping, format_)
-    named = None if model is None else model_named(model)
+    table = None if model is None else model_named(model).table
     replay_case = make_replay_case(
-        file, recording, model=named and named.table, suite_case=suite_case, scene=scene or (),
+        file, recording, model=table, suite_case=suite_case, scene=scene or (),
         unsaid=unstated_renderer(recording, renderers or ()) if as_recorded else None,
     )  # fmt: skip
     # Named where the recording is suspicious.

@@ -62,10 +62,11 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
     installed = find_suites()
     # A suite that several groups have is listed once.
     for name in dict.fromkeys(member for name_or_group in named or installed for member in suites_named(name_or_group)):
-        if name in installed:
-            outlined = outline(installed[name]).cases
-        else:
-            outlined = [(Heading(case.name, case.title), case.judged) for case in load_suite(name).cases]
+        outlined: Sequence[tuple[Heading, bool]] = (
+            outline(installed[name]).cases
+            if name in installed
+            else [(Heading(case.name, case.title), case.judged) for case in load_suite(name).cases]
+        )
         yield (
             name,
             ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in outlined),

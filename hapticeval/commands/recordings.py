@@ -401,7 +401,7 @@ def view(
     # Judged where model and stiffness are known, shown alone where they are not.
     viewed_run = view_recording(
         file, recording, suite_case=suite_case, scene=scene or (),
-        model=named and named.table,
+        model=None if named is None else named.table,
     )  # fmt: skip
     # With the reason where nothing was judged.
     page = write_view(directory, viewed_run.entry, viewed_run.recording, viewed_run.verdicts, note=viewed_run.unjudged)

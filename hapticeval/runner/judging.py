@@ -160,8 +160,8 @@ class _RunFactory:
         if isinstance(self.stimulus, Experiment) and not _moves_alike(self.scene, motion):
             return None
         if motion not in self._moved:
-            unmoved = self.scene, self.renderer
-            self._moved[motion] = unmoved if motion.is_identity else self._with_model(self.scene.model.moved(motion))
+            as_it_is = self.scene, self.renderer
+            self._moved[motion] = as_it_is if motion.is_identity else self._with_model(self.scene.model.moved(motion))
         scene, renderer = self._moved[motion]
         if renderer is None:
             return None
