@@ -101,8 +101,8 @@ def format_size(count: int) -> str:
 
 
 def plural(count: int, noun: str) -> str:
-    """Return a count with its noun, as in `1 row`, `2 rows`."""
-    return f"{count} {noun}{'s' * (count != 1)}"
+    """Return a count with its noun, as in `1 row`, `12,000 rows`."""
+    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def name_first(names: Sequence[str], limit: int | None, separator: str = ", ") -> str:

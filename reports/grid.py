@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import format_number
+from hapticeval.quantity import format_number, plural
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
 
@@ -211,10 +211,10 @@ def headline(results: ResultsDocument) -> str:
     unexpected = len(results.stopping)
     inherent = sum(verdict.standing is Standing.INHERENT for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {counted(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
+    parts = [f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
         unexpected
     )
-    parts += [f"{counted(broken, 'run')} broke"] * bool(broken)
+    parts += [f"{plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]
@@ -229,11 +229,6 @@ def is_sound(results: ResultsDocument) -> bool:
         and not any(run.error for run in results.runs)
         and not results.stopping
     )
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a count with its noun, thousands parted: 1 run, 12,000 verdicts."""
-    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
 def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:

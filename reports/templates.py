@@ -15,8 +15,8 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.files import file_stem
-from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size
-from hapticeval.reports.grid import counted, headline, is_sound, phenomenon_grid, step_ratio
+from hapticeval.quantity import format_duration, format_length, format_number, format_quantity, format_size, plural
+from hapticeval.reports.grid import headline, is_sound, phenomenon_grid, step_ratio
 from hapticeval.reports.table import provenance, ran_words, renderers_by_commit
 from hapticeval.runner.results import Measure, RunEntry, SceneEntry
 from hapticeval.runner.standing import Standing
@@ -126,7 +126,7 @@ def environment() -> Environment:
         "measure": _measure,
         "millimetres": _millimetres,
         "number": format_number,
-        "plural": counted,
+        "plural": plural,
         "quantity": format_quantity,
         "evidence_text": _evidence_text,
         "small_length": _small_length,

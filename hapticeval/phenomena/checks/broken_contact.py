@@ -21,6 +21,7 @@ from hapticeval.phenomena.sampling import (
     rounding,
 )
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided, worst_finding
+from hapticeval.quantity import plural
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
@@ -105,7 +106,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
             "ticks_to_zero_after_corner": ticks_to_zero,
             "force_pre_N": usual,
         },
-        passes=f"the force keeps n_pre to the corner and is zero {ticks_to_zero} tick(s) after it",
+        passes=f"the force keeps n_pre to the corner and is gone {plural(ticks_to_zero, 'tick')} after it",
         fails=fails,
     )
 
