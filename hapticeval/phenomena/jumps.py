@@ -376,9 +376,9 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_s
         return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < resolved_step else None
     # Three spreads in a row: their limit by Aitken, where they shrink at a steady ratio.
     if len(below) == LOOKS_BELOW_SINGLE:
-        first_below, last_below = below
-        limit = aitken(finest_resolved.spread, first_below.spread, last_below.spread)
-        if limit > max(bound, LIMIT_SHARE * last_below.spread):
+        coarse, middle, fine = [finest_resolved, *below][-3:]
+        limit = aitken(coarse.spread, middle.spread, fine.spread)
+        if limit > max(bound, LIMIT_SHARE * fine.spread):
             return JumpPlace(Remains.STAYS, tick, limit, slope, scales)
     if slope >= LEAST_EXPONENT:
         return None

@@ -12,13 +12,22 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, in_m, renderer_errors
+from hapticeval.errors import (
+    DomainError,
+    InputError,
+    RefusalError,
+    RendererError,
+    RunawayError,
+    in_m,
+    renderer_errors,
+)
 from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import (
     contact_channel,
+    late_refusal,
     not_finite,
     observe_force_checked,
     reported_contact,
@@ -105,7 +114,7 @@ def _drive_point_mass(
     end = None
     for tick in range(count):
         try:
-            ihip, force = step_checked(renderer, tick, hip, velocity, dt)
+            ihip, force = _step_in_loop(renderer, tick, hip, velocity, dt)
         except DomainError as error:
             end = _end_of_run(tick, error)
             break
@@ -170,7 +179,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
 
     sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
     out, joints = loop.out, loop.state.joints
-    hips, speeds, pushes = out.measured_hip, out.measured_velocity, out.measured_force
+    hips, velocities, pushes = out.measured_hip, out.measured_velocity, out.measured_force
     observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
     for tick in range(out.hip.shape[0]):
         # `loop_of` has sensed the first tick
@@ -179,13 +188,23 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
-            out.ihip[tick], out.force[tick] = step_checked(renderer, tick, hips[tick], speeds[tick], dt)
+            out.ihip[tick], out.force[tick] = _step_in_loop(renderer, tick, hips[tick], velocities[tick], dt)
         except DomainError as error:
             return _end_of_run(tick, error)
         out.contact[tick, 0] = reported_contact(renderer)
         if act(loop, tick) != kernels.DONE:
             return _end_of_run(tick, _runaway_error(tick, out.hip[tick], joints))
     return None
+
+
+def _step_in_loop(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    """Return what `step_checked` does, IHIP and force; a refusal after the first tick is a `RendererError`."""
+    try:
+        return step_checked(renderer, tick, hip, velocity, dt)
+    except RefusalError as refusal:
+        if tick == 0:
+            raise
+        raise late_refusal(refusal, tick, hip) from refusal
 
 
 def _refusal_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
@@ -231,7 +250,7 @@ def _recording_of(
     recording = Recording(time[:count], kept_channels, meta=meta)
     if not abilities_of(renderer).diagnostics:
         return recording
-    with renderer_errors("signals()"):
+    with renderer_errors("diagnostics()"):
         added = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
     added_channels = {name: values for name, (_, values) in added.items()}
     signals = {name: signal for name, (signal, _) in added.items()}

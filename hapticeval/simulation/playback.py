@@ -328,14 +328,19 @@ def _answer_each(
         except RefusalError as refusal:
             if row == 0:
                 raise
-            raise RendererError(
-                f"the renderer refuses in the middle of a run: {refusal.what}",
-                tick=tick,
-                hip=hip,
-                why="a refusal is about a scene, and stands before the first answer",
-                todo="refuse in the factory, in reset() or in the first step()",
-            ) from refusal
+            raise late_refusal(refusal, tick, hip) from refusal
         answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
+
+
+def late_refusal(refusal: RefusalError, tick: int, hip: Array) -> RendererError:
+    """Return the fault that a `refusal` after the first answer is, at a tick with the hand at `hip` (N,), m."""
+    return RendererError(
+        f"the renderer refuses in the middle of a run: {refusal.what}",
+        tick=tick,
+        hip=hip,
+        why="a refusal is about a scene, and stands before the first answer",
+        todo="refuse in the factory, in reset() or in the first step()",
+    )
 
 
 def reset_checked(renderer: Renderer, hip: Array) -> None:

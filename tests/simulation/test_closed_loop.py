@@ -18,7 +18,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
-from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, RunawayError
 from hapticeval.geometry.catalogue import circle, line, make_model
 from hapticeval.renderer import CompiledStep, Response
 from hapticeval.scene import Scene
@@ -437,3 +437,29 @@ def test_a_hand_draws_any_recording_s_path():
         bound = np.sqrt(2.0) * bend * (mass / stiffness + 1e-3 / (omega * np.e))
         assert np.linalg.norm(recording.hip - path, axis=1).max() <= bound
         assert bound < 2e-3
+
+
+class RefusesLate:
+    """Refuses the scene at a tick of its own."""
+
+    def __init__(self, tick):
+        self.tick = tick
+
+    def reset(self, hip):
+        self.answers = 0
+
+    def step(self, hip, velocity, dt):
+        self.answers += 1
+        if self.answers > self.tick:
+            raise RefusalError("this scene", why="it is not for it")
+        return Response(hip, 0.0 * hip)
+
+
+@pytest.mark.parametrize("device", [PointMass(0.3), Parallelogram2()], ids=["point-mass", "robot"])
+def test_a_refusal_after_the_first_tick_of_a_loop_is_the_renderer_s_fault(refused, device):
+    scene = Scene(model=line(), device=device)
+    with pytest.raises(RefusalError):
+        simulate_closed_loop(RefusesLate(0), trial(2), scene, 1e-3)
+    with refused(RendererError) as caught:
+        simulate_closed_loop(RefusesLate(7), trial(2), scene, 1e-3)
+    assert caught.value.tick == 7

@@ -323,8 +323,8 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     place = place_rounding(base)
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
     pressed = surface_force.normal > 0.0
-    # What is no contact ends a rest as well as a motion does.
-    moves = (length > place) | ~pressed | ~np.roll(pressed, 1)
+    # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
+    moves = (length > place) | ~pressed | ~np.append(False, pressed[:-1])
     sticks = pressed & (surface_force.size <= surely * surface_force.normal)
     # At a corner the tool may change its face: there a step is no slip.
     near = _by_a_corner(base, scene, length + place)

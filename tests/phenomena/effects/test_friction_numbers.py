@@ -55,6 +55,13 @@ class TestBreakAway:
         assert self.ticks(self.ends_with(1e-3, rest=3)) == []
         assert self.ticks(self.ends_with(1e-3, rest=4)) == [7]
 
+    @pytest.mark.parametrize("last", [2.0, 0.0], ids=["pressed", "lifted"])
+    def test_one_that_rests_from_the_first_row_on_breaks_away_however_the_recording_ends(self, last):
+        normal = np.where(np.arange(16) < 15, 2.0, last)
+        ihip, hip, force = pressed_and_pulled(np.linspace(0.1, 0.3, 16), normal=normal)
+        ihip = ihip + np.outer(np.arange(16) >= 10, [1e-3, 0.0])
+        assert self.ticks(recorded(hip, ihip, force)) == [10]
+
     def test_one_that_is_lifted_off_does_not(self):
         lifted = np.where(np.arange(16) < 13, 2.0, 0.0)
         assert self.ticks(self.ends_with(0.0, normal=lifted)) == []
