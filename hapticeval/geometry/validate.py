@@ -12,7 +12,6 @@ import numpy as np
 
 from hapticeval.documents import check_depth, parse_json
 from hapticeval.errors import InputError, in_m
-from hapticeval.quantity import plural
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ def _outline_of(geometry: BaseGeometry | None) -> Array:
         )
     if len(geometry.interiors) > 0:
         raise InputError(
-            f"the polygon has {plural(len(geometry.interiors), 'hole')}",
+            f"the polygon has holes",
             why="a model is bounded by one curve",
             todo="leave the inner rings out",
         )
