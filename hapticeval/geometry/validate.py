@@ -181,7 +181,7 @@ def _outline_of(geometry: BaseGeometry | None) -> Array:
         )
     if len(geometry.interiors) > 0:
         raise InputError(
-            f"the polygon has holes",
+            "the polygon has holes",
             why="a model is bounded by one curve",
             todo="leave the inner rings out",
         )

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.sampling import evidence_at, force_floor, worst_row
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -56,7 +56,7 @@ CHECK = Check(
     citation="thesis 3.2: without a HIP there is no contact",
     channels=("hip", "force"),
     siblings={"dropped_out": "the path up to its largest force, a HIP that is not finite, and the next one"},
-    needs={"dropped_out": Finding(Outcome.NOT_APPLICABLE, "a HIP can be left out of a path of ours alone")},
+    needs={"dropped_out": not_applicable("a HIP can be left out of a path of ours alone")},
     metric="force without a hand position",
     unit="N",
     level=Level.SHOULD,
