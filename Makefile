@@ -14,7 +14,8 @@
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make docs    run the pages of documentation and the notebooks, and build the site of them into build/site
-# make site    the same with the report of the built-in renderers in it
+# make pictures  the same, and take the pictures that the pages link into docs/pictures
+# make site    the pages with the report of the built-in renderers in it
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
@@ -24,7 +25,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs site lint clean
+.PHONY: run test system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs pictures site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
@@ -87,6 +88,10 @@ browser: .venv/dev.stamp .venv/browser/node_modules/axe-core/axe.min.js
 docs: .venv/dev.stamp
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -n 2 -m docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# What the pages link, as it is drawn now.
+pictures: docs
+	for picture in docs/pictures/*.svg; do cp build/site/pictures/$${picture##*/} $$picture; done
 
 site: run docs
 

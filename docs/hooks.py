@@ -1,6 +1,7 @@
 """What mkdocs makes of other files: the README, ARCHITECTURE.md, a list of the public names, and pictures.
 
-Pictures are not kept in the repository: `make docs` runs the pages first, and takes what their commands draw.
+`make docs` runs the pages first, and takes the pictures that their commands draw. Those that pages link are kept in the
+repository, for who reads the pages there; `make pictures` renews them.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, content in pages.items():
         files.append(File.generated(config, name, content=content))
     for drawn in sorted(PAGES.glob("*/pictures/*.svg")):
-        files.append(File.generated(config, f"pictures/{drawn.name}", abs_src_path=str(drawn)))
+        address = f"pictures/{drawn.name}"
+        if (kept := files.get_file_from_path(address)) is not None:
+            files.remove(kept)
+        files.append(File.generated(config, address, abs_src_path=str(drawn)))
     for name, folder in reports().items():
         for file in sorted(path for path in folder.rglob("*") if path.is_file()):
             address = f"reports/{name}/{file.relative_to(folder).as_posix()}"
@@ -75,7 +79,7 @@ def draw_missing() -> None:
     """Draw the pictures that no run of the pages has left, by the commands and scripts that the pages name."""
     for page in sorted((ROOT / "docs").glob("*.md")):
         text, folder = page.read_text(encoding="utf-8"), PAGES / page.stem
-        wanted = {name for name in PICTURE.findall(text) if not (ROOT / "docs" / "pictures" / name).exists()}
+        wanted = set(PICTURE.findall(text))
         drawn = {path.name for path in PAGES.glob("*/pictures/*.svg")}
         if wanted - drawn - {path.name for path in PAGES.glob("*.py/pictures/*")}:
             # A line of a page that draws says where to: -o pictures.

@@ -26,7 +26,7 @@ for a word of the field such as `jitter`. A check of level `must` decides the ex
 and `info` is shown.
 
 The site that `make docs` builds, `build/site/index.html`, has for most checks a picture of a renderer that passes
-and of one that fails. The pictures that other pages link are there too.
+and of one that fails.
 
 | check | level | what it asks |
 |---|---|---|
