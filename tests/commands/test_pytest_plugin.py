@@ -235,4 +235,4 @@ def test_it_loads_nothing_where_it_is_not_used(folder):
     (folder.path / "test_other.py").write_text("def test_other():\n    pass\n")
     result = folder.runpytest_subprocess("-s", "-p", "no:benchmark", "-p", "no:hypothesispytest")
     result.assert_outcomes(passed=1)
-    result.stdout.fnmatch_lines(["*loaded: hapticeval hapticeval.pytest_plugin", "heavy:"])
+    result.stdout.fnmatch_lines(["*loaded: hapticeval hapticeval.pytest_plugin hapticeval.suite", "heavy:"])
