@@ -9,12 +9,12 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from hapticeval.cli import run_program
 from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.terminal import lines, say, wrote_lines
-from hapticeval.effects.texture import as_toml, autocovariance, named, read_texture
+from hapticeval.effects.texture import Texture, as_document, autocovariance, named, read_texture
 from hapticeval.effects.texture_toolkit import read_toolkit
 from hapticeval.errors import InputError
 from hapticeval.files import creating
@@ -81,6 +81,23 @@ def texture(
         with creating(output) as temporary:
             temporary.write_text(as_toml(source), encoding="utf-8")
         say(wrote_lines([output]))
+
+
+def as_toml(source: Texture) -> str:
+    """Return a texture as the text of a TOML file that `read_texture` reads, to the last bit."""
+    document = as_document(source)
+    filters = document.pop("filters")
+    text_lines = [f"{name} = {_value(value)}" for name, value in document.items()]
+    for filter_ in filters:
+        values = [f"{name} = {_value(value)}" for name, value in filter_.items() if value != []]
+        text_lines += ["", "[[filters]]", *values]
+    return "\n".join(text_lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return repr(value)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -220,20 +219,3 @@ def as_document(texture: Texture) -> dict[str, Any]:
     document: dict[str, Any] = json.decode(json.encode(texture))
     defaults = {field.name: field.default for field in structs.fields(Texture)}
     return {name: value for name, value in document.items() if value not in (defaults[name], [])}
-
-
-def as_toml(texture: Texture, *, comments: Iterable[str] = ()) -> str:
-    """Return a texture as the text of a TOML file that `read_texture` reads, to the last bit."""
-    lines = [f"# {comment}" for comment in comments]
-    document = as_document(texture)
-    filters = document.pop("filters")
-    lines += [f"{name} = {_value(value)}" for name, value in document.items()]
-    for filter_ in filters:
-        lines += ["", "[[filters]]", *(f"{name} = {_value(value)}" for name, value in filter_.items() if value != [])]
-    return "\n".join(lines) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return repr(value)

@@ -23,7 +23,6 @@ from hapticeval.effects.texture import (
     Filter,
     Texture,
     as_document,
-    as_toml,
     autocovariance,
     named,
     power_spectrum,
@@ -32,6 +31,7 @@ from hapticeval.effects.texture import (
 )
 from hapticeval.effects.texture_toolkit import read_toolkit
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.examples.studies.texture import as_toml
 from hapticeval.examples.studies.texture import main as show_texture
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
@@ -215,7 +215,7 @@ def test_shipped_textures_are_read_back_to_the_bit(refused, tmp_path):
     assert len(shipped()) == 3
     for name in shipped():
         texture = named(name)
-        (tmp_path / "copy.toml").write_text(as_toml(texture, comments=["a copy"]))
+        (tmp_path / "copy.toml").write_text(as_toml(texture))
         assert read_texture(tmp_path / "copy.toml") == texture
         whole = StochasticTexture(mass=0.1, texture=json.loads(json.dumps(as_document(texture))))
         assert whole.model == texture
