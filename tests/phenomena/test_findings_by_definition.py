@@ -123,7 +123,7 @@ class TestPulling:
         finding = found("never-pulls", self.moving(speed), LINE)
         assert finding.outcome is FAIL
         assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(1.0), 12)
-        assert finding.evidence["leaving_m_per_s"] == pytest.approx(speed)
+        assert finding.evidence["leaving_m_s"] == pytest.approx(speed)
         words = f"by 1 N at t = 0.012 s, while the hand {verb} at {abs(speed):.3g} m/s"
         assert words in finding.message
         assert ("a damper that is not clipped" in finding.message) is (speed > 0.0)
@@ -519,7 +519,7 @@ class TestDropOut:
         assert (finding.metric.value, finding.bound) == (pytest.approx(abs(left)), pytest.approx(1e-3))
         if outcome is FAIL:
             assert f"gets {abs(left):.3g} N; the tick before it was 3 N" in finding.message
-        assert (finding.evidence["tick"], finding.evidence["force_before_n"]) == (6, 3.0)
+        assert (finding.evidence["tick"], finding.evidence["force_before_N"]) == (6, 3.0)
         assert finding.evidence["refused"] is False
 
     def test_a_refusal_for_that_tick_alone_passes_and_what_is_no_number_does_not(self):

@@ -437,7 +437,7 @@ class TestRenewal:
         assert finding.outcome is outcome
         assert finding.metric.value == pytest.approx(1e-3 * every)
         assert finding.bound == pytest.approx(1.5e-3)
-        assert finding.evidence["rate_hz"] == pytest.approx(1e3 / every)
+        assert finding.evidence["rate_Hz"] == pytest.approx(1e3 / every)
         assert f"renewed at {1e3 / every:.3g} Hz" in finding.message
         assert finding.evidence["ticks_called_for"] == 39
         assert ("the scene's loop runs at 1000 Hz" in finding.message) is (outcome is FAIL)

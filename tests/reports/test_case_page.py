@@ -464,7 +464,7 @@ def test_a_site_or_a_report_is_no_earlier_view(folder, tmp_path):
     [
         ("foot_speed_at_end_m_s", "foot speed at end (m/s)"),
         ("apparent_stiffness_N_m", "apparent stiffness (N/m)"),
-        ("impulse_N_s", "impulse (N s)"),
+        ("impulse_Ns", "impulse (N s)"),
         ("rms_m_s2", "rms (m/s²)"),
         ("ihip_before", "IHIP before (mm)"),
         ("hip_step_m", "HIP step (mm)"),

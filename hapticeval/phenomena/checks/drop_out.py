@@ -36,7 +36,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if before <= floor:
         return undecided("the hand feels no force that could stay on")
     answer, after = required(runs.dropped_out)(tick)
-    evidence = {**evidence_at(base, tick), "force_before_n": before, "refused": answer is None}
+    evidence = {**evidence_at(base, tick), "force_before_N": before, "refused": answer is None}
     fault = fault_without_hip(answer, after, floor)
     left = 0.0 if answer is None else float(np.linalg.norm(answer))
     if not np.isfinite(left):

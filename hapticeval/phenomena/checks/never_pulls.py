@@ -56,7 +56,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     finding = compared(
         metric,
         float(allowed[worst]),
-        {**evidence_at(base, worst), "leaving_m_per_s": speed, "lag_ticks": lag},
+        {**evidence_at(base, worst), "leaving_m_s": speed, "lag_ticks": lag},
         passes="the force never draws the hand in",
         fails=f"the force draws the hand in by {metric.value:.3g} N {where}"
         + (": a damper that is not clipped does that" if speed > 0.0 else ""),

@@ -294,8 +294,8 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
     evidence = {
         **evidence_at(base, contact.begin),
         "speed_m_s": contact.speed,
-        "impulse_N_s": float(impulses[worst]),
-        "expected_N_s": float(expected[worst]),
+        "impulse_Ns": float(impulses[worst]),
+        "expected_Ns": float(expected[worst]),
         "peak_N": peak,
         "contacts": len(lasting),
     }

@@ -50,7 +50,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ticks = float(np.median(np.repeat(stood, stood)))
     metric = CHECK.measured(ticks * base.dt)
     rate, scene_rate = 1.0 / metric.value, 1.0 / base.dt
-    evidence = {**evidence_at(base, int(np.flatnonzero(calls)[0])), "rate_hz": rate, "ticks_called_for": called}
+    evidence = {**evidence_at(base, int(np.flatnonzero(calls)[0])), "rate_Hz": rate, "ticks_called_for": called}
     return compared(
         metric,
         # Half a tick is none: a median of whole ticks is known to that.

@@ -122,7 +122,7 @@ def test_an_impulse_is_told_in_its_unit():
     """The tool's 0.1 kg at 0.2 m/s, stopped by 10 N at the most: 20 mN s."""
     finding = judged((ContactImpulse(cap=10.0),), [[0.0, 0.0051], [0.0, -0.0149]], 0.1)("transient-impulse")
     assert finding.message == "a contact at 0.2 m/s is given 20 mN s, as it should be, and 10 N at the most"
-    assert finding.evidence["impulse_N_s"] == pytest.approx(0.02, rel=1e-9)
+    assert finding.evidence["impulse_Ns"] == pytest.approx(0.02, rel=1e-9)
 
 
 @pytest.mark.parametrize("material", MATERIALS)
