@@ -152,10 +152,12 @@ def _moved(first: VerdictEntry, second: VerdictEntry) -> list[MarginMove]:
         return []
     if one.value is None or two.value is None or not first.bound or not second.bound:
         return []
+    # A check may have two bounds, of which one must hold: what moved from one to the other is measured by the wider.
+    bounds = (first.bound, second.bound) if first.level == second.level else (max(first.bound, second.bound),) * 2
     # A margin in bounds is 1 - value / bound: by = (1 - v2 / b2) - (1 - v1 / b1) = v1 / b1 - v2 / b2.
-    by = one.value / first.bound - two.value / second.bound
+    by = one.value / bounds[0] - two.value / bounds[1]
     # Rounding grows with the metric where that is many bounds large.
-    if abs(by) <= MARGIN_ROUNDING * max(1.0, abs(one.value / first.bound)):
+    if abs(by) <= MARGIN_ROUNDING * max(1.0, abs(one.value / bounds[0])):
         return []
     return [
         MarginMove(

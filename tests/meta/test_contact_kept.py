@@ -182,6 +182,10 @@ class TestTrailing:
 def test_a_hand_that_stays_outside_shows_nothing():
     finding = finding_of(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
     assert finding.outcome is Outcome.INCONCLUSIVE
+    assert "metre" not in finding.message
+    # A log in millimetres that were taken for metres.
+    far = finding_of(resolve("minimum-distance"), circle(), along([0.0, 101.0], [10.0, 99.0]))
+    assert "is its unit the metre?" in far.message
 
 
 def test_a_claimed_standoff_is_no_licence():

@@ -95,6 +95,11 @@ def test_a_channel_of_ones_own_is_described(refused):
 def test_a_missing_column_suggests_the_closest(refused):
     with refused(UnknownNameError):
         converted(hip__columns=["px", "pzz"])
+    with pytest.raises(UnknownNameError) as unlike:
+        converted(hip__columns=["px", "height"])
+    # Where it is named, and what the file calls its columns.
+    assert unlike.value.what.startswith("[channels.hip]: unknown column 'height'")
+    assert " px, " in unlike.value.todo
 
 
 def test_rows_out_of_order_without_a_number_or_in_a_gap_are_kept_and_not_valid(refused):

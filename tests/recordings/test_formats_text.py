@@ -221,6 +221,8 @@ def test_names_are_given_once_and_suggested(refused, table, monkeypatch):
         table("0,1\n", format="matlab")
     with refused(UnknownNameError):
         table("time,pos_x\n0,1\n1,2\n")["posx"]
+    with refused(UnknownNameError):
+        table("time,pos_x,lost\n0,1,nan\n1,2,nan\n")["lost"]
 
 
 @pytest.mark.parametrize("values", [[[1.0, 2.0]], ["a"]])

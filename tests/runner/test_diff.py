@@ -107,6 +107,13 @@ def suite_entry(version, **case_digests):
     )
 
 
+def test_what_warns_only_since_is_measured_by_the_wider_bound():
+    """0.6 of a bound of 0.45 that must hold, then 0.4, which a bound of 1e-6 warns of: that is better."""
+    before, now = verdict(FAIL, value=0.6, bound=0.45), verdict(FAIL, level=Level.SHOULD, value=0.4, bound=1e-6)
+    (move,) = compare_results(results_of(before), results_of(now)).margins
+    assert move.by == pytest.approx(0.2 / 0.45)
+
+
 @pytest.mark.parametrize(
     ("now", "words"),
     [

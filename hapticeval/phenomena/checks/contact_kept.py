@@ -66,7 +66,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     reach = moved + (across + resolution(base, scene)) + grain
     gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
-        return undecided("the hand is never led into the model, and the tool never in contact")
+        away = float(scene.model.boundary.signed_distance(base.hip).min())
+        # So far off that somebody may have taken millimetres for metres.
+        far = f"; it stays {mm(away)} away, farther than the model is large: is its unit the metre?"
+        return undecided(
+            "the hand is never led into the model, and the tool never in contact" + far * (away > scene.model.size)
+        )
     worst = worst_row(gap - allowed)
     metric = CHECK.measured(gap[worst])
     bound = float(allowed[worst])

@@ -118,10 +118,16 @@ class Table:
             self.__dict__[name] = tuple(self.__dict__[name])
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""
+        """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest and names all, for no column."""
         if name in self.columns:
             return np.asarray(self.columns[name])
-        raise UnknownNameError("column", name, self.columns)
+        error = UnknownNameError("column", name, self.columns)
+        columns = f"known: {', '.join(sorted(self.columns))}"
+        # The closest name may be of something else: only all of them show what the file calls it.
+        error.todo = error.todo if error.todo == columns else f"{error.todo} {columns}"
+        # A column that the file has and that is no column of numbers.
+        error.why = next((remark for remark in self.remarks if f"'{name}'" in remark), error.why)
+        raise error
 
     def rows(self, name: str) -> int:
         """Return how many numbers a column has."""

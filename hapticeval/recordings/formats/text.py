@@ -207,7 +207,8 @@ def read_delimited(path: Path) -> Table:
         # `empty` are the rows of the cells without a number.
         values, empty = _numbers(frame[name], dialect)
         if empty.size == len(values) and len(values):
-            remarks.append(f"the column '{name}' is text, which is left out")
+            why = "is text, which" if frame[name].dtype.kind == "O" else "has no number in any row, and"
+            remarks.append(f"the column '{name}' {why} is left out")
             units.pop(name, None)
             continue
         if empty.size:
@@ -282,7 +283,7 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     first = next((place for place in rows if dialect.is_row(lines[place])), None)
     if first is None:
         raise InputError(
-            f"{path} has no row of numbers in its first {min(len(lines), 2 * HEADER_LINES)} lines",
+            f"{path} has no row of numbers in its first {plural(min(len(lines), 2 * HEADER_LINES), 'line')}",
             why=f"the first line is {lines[0][:60]!r}",
             todo="check that it is the file you mean",
         )

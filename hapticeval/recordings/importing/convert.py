@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import creating, csv_cell, writing
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.hdf5 import (
@@ -114,6 +114,11 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     - a time that does not increase.
     """
     document = mapping.document
+    # Each column is looked up where it is named, so that an error says of what it is.
+    for name, source in mapping.channels.items():
+        with at(f"[channels.{name}]"):
+            for column in source.columns:
+                table[column]
     first = next(iter(mapping.channels.values())).columns[0]
     stamps, valid = _stamps(table, document.time, mapping.factor, table.rows(first))
     if not stamps.size:
