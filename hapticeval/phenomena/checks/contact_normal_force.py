@@ -62,7 +62,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lag is not None:
         evidence["lag_ticks"] = lag
     metric = Metric("angle of the force outside the true normals", angle, "deg")
-    where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s"
+    where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s, HIP {mm(*base.hip[tick])}"
     if angle > bound:
         size = float(np.linalg.norm(base.force[tick]))
         evidence["force_N"] = size
