@@ -48,6 +48,11 @@ def test_words_of_no_letters_are_unknown():
         explanation("-")
 
 
+def test_a_search_for_a_word_of_the_field_is_told_the_check(capsys):
+    assert main(["search", "-r", "constraint", "--check", "pop-through"]) == 2
+    assert "did you mean continuous-contact?" in capsys.readouterr().err
+
+
 def test_several_words_need_no_quotes(capsys):
     assert main(["explain", "false", "friction"]) == 0
     assert capsys.readouterr().out.startswith("contact-normal-force ")

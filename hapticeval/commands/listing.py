@@ -169,10 +169,10 @@ def explanation(word: str) -> str:
 
     if word in CHECKS:
         return columns(check_rows(CHECKS[word]))
-    pages = {name: read_page(CHECKS[name]) for name in CHECKS}
-    called = [name for name, page in pages.items() if any(_has_word(text, word) for text in (name, *page.also_called))]
+    called = checks_called(word)
     if len(called) == 1:
         return columns(check_rows(CHECKS[called[0]]))
+    pages = {name: read_page(CHECKS[name]) for name in CHECKS}
     named = called or [name for name, page in pages.items() if _has_word(page.text, word)]
     if not named:
         raise UnknownNameError(
@@ -183,6 +183,16 @@ def explanation(word: str) -> str:
         f"'{word}' is {where} {len(named)} check{'s' * (len(named) > 1)}; hapticeval explain CHECK has more:",
         columns((name, pages[name].question) for name in named),
     )
+
+
+def checks_called(word: str) -> list[str]:
+    """Return the checks that have a word of the field in their ids, or are called so."""
+    from hapticeval.phenomena.pages import read_page
+    from hapticeval.phenomena.registry import CHECKS
+
+    return [
+        name for name in CHECKS if any(_has_word(text, word) for text in (name, *read_page(CHECKS[name]).also_called))
+    ]
 
 
 def _has_word(text: str, word: str) -> bool:

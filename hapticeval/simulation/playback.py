@@ -414,8 +414,16 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
         if not is_foreign(error):
             raise
         raise blame_renderer("step()", error, tick=tick, hip=hip) from error
+    return check_answer(answer, tick, hip)
+
+
+def check_answer(answer: object, tick: int, hip: Array) -> tuple[Array, Array]:
+    """Return IHIP (N,), m, and force (N,), N, of what `step` has answered to `hip` (N,), m, in copies of their own.
+
+    Raises `RendererError`, with tick and HIP, unless these are two finite vectors like `hip`.
+    """
     try:
-        first, second = answer
+        first, second = cast("tuple[Array, Array]", answer)
         ihip, force = np.array(first, dtype=np.float64), np.array(second, dtype=np.float64)
     except (Exception, SystemExit) as error:
         raise RendererError(

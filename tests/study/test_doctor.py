@@ -95,6 +95,11 @@ class WearsOut(Good):
         ihip, force = super().step(hip, velocity, dt)
         return ihip, force if self.ticks < 650 else force * np.nan
 
+class Flat(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, force[:2]
+
 class Beside(Good):
     def step(self, hip, velocity, dt):
         ihip, force = super().step(hip, velocity, dt)
@@ -300,6 +305,19 @@ def test_what_broke_can_be_asked_again_by_the_program_that_the_doctor_prints(
 def test_a_renderer_of_solids_alone_is_told_how_to_say_so(here: Path) -> None:
     steps = doctor.next_steps("p", list(examine("patients:Faceted", patience=ANSWER_SECONDS)))
     assert steps[1:] == ["or, if it is for models in space alone, have it say so: supports = {'space'}"]
+
+
+def test_a_force_of_the_plane_in_space_is_named_wherever_it_is_asked(here: Path) -> None:
+    findings = list(examine("patients:Flat", patience=ANSWER_SECONDS))
+    broke = [finding for finding in findings if finding.state is State.BROKE]
+    assert {finding.kind for finding in broke} == {"space"}
+    assert "a force of shape (2,)" in broke[0].text
+    # As the first, and not as an error of the doctor's own.
+    assert broke[-1].what == "speed"
+    assert "doctor.py" not in broke[-1].text
+    assert doctor.next_steps("p", findings)[1] == (
+        "or, if it is for models in the plane alone, have it say so: supports = {'plane'}"
+    )
 
 
 def test_numbers_that_become_none_while_it_is_timed_are_seen(here: Path) -> None:
