@@ -69,7 +69,7 @@ from hapticeval.recordings.importing.units import parse_quantity, parse_unit
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
 
-TODO = "see the head of a mapping that is proposed: hapticeval inspect FILE --write-mapping NEW.toml"
+PROPOSAL_ADVICE = "see the head of a mapping that is proposed: hapticeval inspect FILE --write-mapping NEW.toml"
 
 NOT_STATED = "?"
 
@@ -164,7 +164,7 @@ def read_mapping(path: Path | str) -> FileMapping:
 
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
     """Return the mapping of a document as TOML gives it. Raises `InputError`, naming the place, if not complete."""
-    parsed: Document = convert(document, Document, name, todo=TODO)
+    parsed: Document = convert(document, Document, name, todo=PROPOSAL_ADVICE)
     # package.module:function would be run: only a person on the command line may ask for that.
     if parsed.format is not None and ":" in parsed.format:
         raise InputError(
@@ -178,7 +178,7 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
     for channel, table in parsed.channels.items():
         place = f"{name}: [channels.{channel}]"
         # Converted one by one, so that an error names its channel.
-        spec: Channel = convert(table, Channel, place, todo=TODO)
+        spec: Channel = convert(table, Channel, place, todo=PROPOSAL_ADVICE)
         with at(place):
             sources[channel] = _source(spec, channel, parsed.device)
     if parsed.device is not None and not isinstance(parsed.device.get("kind"), str):
