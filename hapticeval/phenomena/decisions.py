@@ -286,7 +286,7 @@ HELD_FORCE_SHARE = 0.5
 *Chosen*: a spring that is kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a
 face would count as its loss."""
 
-SAME_DEPTH_SHARE = 0.25
+SAME_DEPTH_SHARE = 0.5 * HELD_FORCE_SHARE
 """Share of the depth by which it may vary where a force counts as given at one depth: half of `HELD_FORCE_SHARE`.
 
 Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss.
