@@ -117,23 +117,16 @@ def surface_force_of(base: Recording, scene: Scene, between: Array | None = None
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     other = damping * np.linalg.norm(moving, axis=1) + COORDINATE_ROUNDINGS * ihip_precision(base) * reach
     between = np.zeros(len(base)) if between is None else between
-
-    def filled(part: Array) -> Array:
-        """Return a part of the rows with a force as one of all rows, zero in the others."""
-        column = np.zeros((len(base), *part.shape[1:]))
-        column[rows] = part
-        return column
-
-    return SurfaceForce(
-        pressed=pressed,
-        normal=filled(normal),
-        tangential=filled(tangential),
-        size=filled(size),
-        velocity=filled(moving),
-        normals=filled(normals),
-        other=filled(other) + between,
-        between=between,
-    )
+    parts = {
+        "normal": normal, "tangential": tangential, "size": size,
+        "velocity": moving, "normals": normals, "other": other,
+    }  # fmt: skip
+    # Zero in ticks without a force above the floor.
+    columns = {name: np.zeros((len(base), *part.shape[1:])) for name, part in parts.items()}
+    for name, part in parts.items():
+        columns[name][rows] = part
+    columns["other"] += between
+    return SurfaceForce(pressed=pressed, between=between, **columns)
 
 
 def along_surface(vectors: Array, normals: Array) -> Array:
@@ -238,9 +231,8 @@ def _check_of_friction(
             runs, lambda runs, surface_force: judge(runs, surface_force, scene), on_time, scene
         )
 
-    return Check(
-        judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **{"unit": "", **data}
-    )
+    data = {"effects": (FRICTION,), "unit": ""} | data
+    return Check(judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **data)
 
 
 def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -698,10 +690,7 @@ FRICTION_CONE = _check_of_friction(
     formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
     citation="thesis (4.17)-(4.19), Figure 4.9",
     metric="force along the surface as a share of mu_s times that across it",
-    effects=(FRICTION,),
 )
-
-
 FRICTION_BREAK_AWAY = _check_of_friction(
     judge_break_away,
     id="friction-break-away",
@@ -709,10 +698,7 @@ FRICTION_BREAK_AWAY = _check_of_friction(
     formula="|F_t| >= mu_s F_n - 2 K |dx| - mu_s |dF_n| in the tick before a tool that sticks begins to slide",
     citation="thesis (4.18), (4.19), Figure 4.9",
     metric="what the force along the surface lacks of mu_s F_n when the tool begins to slide, as a share of it",
-    effects=(FRICTION,),
 )
-
-
 FRICTION_STICKING = _check_of_friction(
     judge_sticking,
     id="friction-sticking",
@@ -721,10 +707,7 @@ FRICTION_STICKING = _check_of_friction(
     citation="thesis (4.18), (4.19)",
     metric="how fast the IHIP creeps while it is held",
     unit="m/s",
-    effects=(FRICTION,),
 )
-
-
 FRICTION_SLIDING = _check_of_friction(
     judge_sliding,
     on_time=((*HAND, "ihip"), ("force",)),
@@ -733,10 +716,7 @@ FRICTION_SLIDING = _check_of_friction(
     formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
     citation="thesis (4.20), Figure 4.9",
     metric="what F_t is off mu_k F_n against the motion, as a share of it",
-    effects=(FRICTION,),
 )
-
-
 FRICTION_FORCE = _check_of_friction(
     judge_force,
     damped=False,
@@ -750,8 +730,6 @@ FRICTION_FORCE = _check_of_friction(
     effects=(VISCOUS_FRICTION, LUGRE),
     not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
 )
-
-
 FRICTION_ENERGY = _check_of_friction(
     judge_energy,
     on_time=(HAND,),
@@ -763,8 +741,6 @@ FRICTION_ENERGY = _check_of_friction(
     unit="J",
     effects=(FRICTION, VISCOUS_FRICTION),
 )
-
-
 FRICTION_WORK = _check_of_friction(
     judge_work,
     on_time=(HAND, (*HAND, "ihip"), (*HAND, "force")),
@@ -776,8 +752,6 @@ FRICTION_WORK = _check_of_friction(
     metric="work of the hand less that of the friction's law, as a share of it",
     effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
 )
-
-
 CHECKS = (
     FRICTION_CONE,
     FRICTION_BREAK_AWAY,
