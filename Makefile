@@ -49,7 +49,7 @@ system: .venv/dev.stamp
 tables: .venv/dev.stamp
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' \
 	  tests/phenomena/test_decisions.py tests/test_listed.py tests/meta/test_kill_matrix.py tests/suites
-	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q $(if $(CHECK),-k '$(CHECK) or $(subst -,_,$(CHECK))') tests/phenomena tests/meta \
+	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q $(if $(CHECK),--measures $(CHECK)) tests/phenomena tests/meta \
 	  tests/recordings/test_drawn.py || [ $$? = 5 ]
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m 'refusals and not slow'
 

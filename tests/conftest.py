@@ -50,11 +50,19 @@ def pytest_runtest_teardown(item, nextitem):
         gc.freeze()
 
 
-def pytest_collection_modifyitems(items):
+def pytest_addoption(parser):
+    parser.addoption("--measures", metavar="CHECK", help="only tests that name it or have its findings recorded")
+
+
+def pytest_collection_modifyitems(config, items):
     """Mark the tests whose errors have their texts in the list, so that these alone can write it anew."""
     for item in items:
         if "refused" in getattr(item, "fixturenames", ()):
             item.add_marker("refusals")
+    if check := config.getoption("--measures"):
+        recorded = {f"tests/{place.renderer}" for place in measured.recorded() if place.check == check}
+        names = (check, check.replace("-", "_"))
+        items[:] = [item for item in items if item.nodeid in recorded or any(name in item.nodeid for name in names)]
 
 
 @pytest.fixture
