@@ -48,6 +48,11 @@ def test_words_of_no_letters_are_unknown():
         explanation("-")
 
 
+def test_a_selection_by_a_word_of_the_field_is_told_the_check(capsys):
+    assert main(["run", "-r", "constraint", "-k", "pop-through"]) == 4
+    assert "did you mean continuous-contact?" in capsys.readouterr().err
+
+
 def test_a_search_for_a_word_of_the_field_is_told_the_check(capsys):
     assert main(["search", "-r", "constraint", "--check", "pop-through"]) == 2
     assert "did you mean continuous-contact?" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -164,16 +163,15 @@ def explanation(word: str) -> str:
     Where several checks have that word in their ids or are called so, or their pages use it, it lists those. Raises
     `UnknownNameError` for a word of none.
     """
-    from hapticeval.phenomena.pages import read_page
-    from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.phenomena.registry import CHECKS, checks_called, has_word, read_pages
 
     if word in CHECKS:
         return columns(check_rows(CHECKS[word]))
     called = checks_called(word)
     if len(called) == 1:
         return columns(check_rows(CHECKS[called[0]]))
-    pages = {name: read_page(CHECKS[name]) for name in CHECKS}
-    named = called or [name for name, page in pages.items() if _has_word(page.text, word)]
+    pages = read_pages()
+    named = called or [name for name, page in pages.items() if has_word(page.text, word)]
     if not named:
         raise UnknownNameError(
             "check", word, {*CHECKS, *(text for page in pages.values() for text in page.also_called)}
@@ -183,22 +181,6 @@ def explanation(word: str) -> str:
         f"'{word}' is {where} {len(named)} check{'s' * (len(named) > 1)}; hapticeval explain CHECK has more:",
         columns((name, pages[name].question) for name in named),
     )
-
-
-def checks_called(word: str) -> list[str]:
-    """Return the checks that have a word of the field in their ids, or are called so."""
-    from hapticeval.phenomena.pages import read_page
-    from hapticeval.phenomena.registry import CHECKS
-
-    return [
-        name for name in CHECKS if any(_has_word(text, word) for text in (name, *read_page(CHECKS[name]).also_called))
-    ]
-
-
-def _has_word(text: str, word: str) -> bool:
-    """Return whether a text has a word, or some, as words of their own; capitals and hyphens make no difference."""
-    plain_text, plain_word = (" ".join(re.findall(r"\w+", part.casefold())) for part in (text, word))
-    return bool(plain_word) and f" {plain_word} " in f" {plain_text} "
 
 
 def check_rows(check: Check) -> Rows:

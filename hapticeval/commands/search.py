@@ -11,7 +11,7 @@ import typer
 
 from hapticeval.commands.arguments import Scheduler, Seed, model_named, option, renderers_option
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError
 from hapticeval.quantity import plural
 
 if TYPE_CHECKING:
@@ -149,16 +149,13 @@ def _searched_renderers(renderers: list[str] | None) -> list[str]:
 
 def _searched_checks(checks: list[str] | None) -> tuple[str, ...]:
     """Return the checks that are named, else all that decide. Raises `InputError` for one that no drawn case asks."""
-    from hapticeval.commands.listing import checks_called
-    from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
+    from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS, unknown_check
     from hapticeval.phenomena.verdict import Level
     from hapticeval.search.drawing import judgeable
 
     for check in checks or ():
         if check not in CHECKS:
-            # A word of the field, as `pop-through`, is closer to what is meant than any spelling.
-            meant = " or ".join(checks_called(check))
-            raise UnknownNameError("check", check, CHECKS, todo=meant and f"did you mean {meant}?")
+            raise unknown_check(check)
         if CHECKS[check].needs_closed_form:
             raise InputError(f"--check {check}", why="it compares with a closed form, which only a case can name")
         if check in OF_EFFECTS:

@@ -9,15 +9,17 @@ process: that is done only for an id that is not ours, and to list all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
 
-from hapticeval.errors import InputError, describe_error
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.pages import read_page
+from hapticeval.phenomena.pages import CheckPage, read_page
 
 CHECK_GROUP = "hapticeval.checks"
 
@@ -104,3 +106,31 @@ def _loaded(entry: EntryPoint) -> Check:
 
 CHECKS: Mapping[str, Check] = Checks()
 """Every check that a suite may name."""
+
+
+def read_pages() -> Mapping[str, CheckPage]:
+    """Return the page of each check by its id; one that is installed and cannot be loaded is left out."""
+    pages = {}
+    for name in CHECKS:
+        with suppress(HapticevalError):
+            pages[name] = read_page(CHECKS[name])
+    return pages
+
+
+def checks_called(word: str) -> list[str]:
+    """Return the checks that have a word of the field in their ids, or are called so: see `CheckPage.also_called`."""
+    return [
+        name for name, page in read_pages().items() if any(has_word(text, word) for text in (name, *page.also_called))
+    ]
+
+
+def has_word(text: str, word: str) -> bool:
+    """Return whether a text has a word, or some, as words of their own; capitals and hyphens make no difference."""
+    plain_text, plain_word = (" ".join(re.findall(r"\w+", part.casefold())) for part in (text, word))
+    return bool(plain_word) and f" {plain_word} " in f" {plain_text} "
+
+
+def unknown_check(name: str) -> UnknownNameError:
+    """Return the error for a name of no check; a word of the field tells what is meant better than any spelling."""
+    meant = " or ".join(checks_called(name))
+    return UnknownNameError("check", name, CHECKS, todo=meant and f"did you mean {meant}?")

@@ -13,7 +13,7 @@ from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_below
-from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.registry import CHECKS, unknown_check
 from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
 from hapticeval.suite.outline import Heading, find_suites, suites_named
@@ -139,7 +139,7 @@ def _check_row(row: Row, cases: tuple[Case, ...]) -> None:
 def _check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     for name in names:
         if name not in known:
-            raise UnknownNameError(kind, name, known)
+            raise unknown_check(name) if known is CHECKS else UnknownNameError(kind, name, known)
 
 
 def _cases(table: CaseTable, variants: Mapping[str, Variant], folder: FilePath) -> Iterator[Case]:

@@ -157,7 +157,12 @@ class _Expression:
         # Suggestions compare with what is left of the glob as a name.
         bare = re.sub(r"[*?\[\]]", "", before.rpartition("/")[2] or last)
         known = sorted(cases | {place.check for place in self._everything})
-        close = difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
+        from hapticeval.phenomena.registry import checks_called
+
+        # Nothing is spelt like it: it may be a word of the field, as `pop-through`.
+        close = difflib.get_close_matches(bare, known, n=3, cutoff=0.5) or [
+            check for check in checks_called(bare) if check in known
+        ]
         hint = "a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'"
         return NothingSelectedError(
             what,

@@ -255,7 +255,7 @@ def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dial
         return pd.DataFrame({name: [] for name in names})
     except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
         raise InputError(
-            f"{path} has a row with more cells than the others", why=str(error), todo="mend or cut that row"
+            f"{path} has a row with more cells than the others", why=str(error).strip(), todo="mend or cut that row"
         ) from error
 
 
