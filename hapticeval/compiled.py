@@ -106,8 +106,8 @@ LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VEC
 LAW = types.int64(LAW_DATA, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(data, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.
 
-Returns 0, or the number of the refusal that `CompiledStep.refusals` words. `push` is the hand's force as sensed, zero
-where there is no sensor.
+Returns 0, or where the hand has left the law's domain the number that `CompiledStep.domain_exits` words. `push` is the
+hand's force as sensed, zero where there is no sensor.
 """
 
 
@@ -142,7 +142,7 @@ _CLOSEST_TYPE = types.NamedTuple((types.FunctionType(CLOSEST), LAW_DATA), Closes
 CHANGE = types.int64(_NUMBERS_TYPE, _CLOSEST_TYPE, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(numbers, closest, hip, velocity, dt, ihip, force): an effect's change of an answer, in place, after each tick.
 
-Returns 0, or the number of the refusal that the effect's `refusals` words.
+Returns 0, or where the hand has left the effect's domain the number that its `domain_exits` words.
 """
 
 
@@ -504,8 +504,8 @@ def lead_by_law(
 
     `hips` (n, N), m, and `velocities` (n, N), m/s, are the hand's, and `push` (N,), N, what it is sensed to push; tick
     k lasts `dt[k]` s. Writes `ihips` (n, N), m, and `forces` (n, N), N. What the law leaves in `reported` (1,), unless
-    that is empty, goes to `contact` (n,). Returns the row at which the law refuses or breaks, and its number; else n
-    and 0.
+    that is empty, goes to `contact` (n,). Returns the row at which the hand leaves the law's domain or the law
+    breaks, and its number; else n and 0.
     """
     for row in range(hips.shape[0]):
         number = law(data, hips[row], velocities[row], push, dt[row], ihips[row], forces[row])
@@ -516,23 +516,23 @@ def lead_by_law(
     return hips.shape[0], 0
 
 
-REFUSALS_PER_EFFECT = 1000
-"""Refusals of the k-th effect, from 1, are numbered from REFUSALS_PER_EFFECT k on."""
+EXITS_PER_EFFECT = 1000
+"""Domain exits of the k-th effect, from 1, are numbered from EXITS_PER_EFFECT k on."""
 
 
 @borrowing
 def change_row(
     changes: tuple[Change, ...], closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """Let the scene's effects change one answer in place, in their order; return 0, or the number of a refusal.
+    """Let the scene's effects change one answer in place, in their order; return 0, or a domain exit's number.
 
     `hip` (N,), m, and `velocity` (N,), m/s, are the hand's; `ihip` (N,), m, and `force` (N,), N, are changed.
     """
     for k in range(len(changes)):
         change = changes[k]
-        refusal = change.function(change.numbers, closest, hip, velocity, dt, ihip, force)
-        if refusal != 0:  # numbered so that it tells the effect too
-            return REFUSALS_PER_EFFECT * (k + 1) + refusal
+        exit_number = change.function(change.numbers, closest, hip, velocity, dt, ihip, force)
+        if exit_number != 0:  # numbered so that it tells the effect too
+            return EXITS_PER_EFFECT * (k + 1) + exit_number
     return 0
 
 
@@ -541,15 +541,15 @@ def change_rows(
     changes: tuple[Change, ...], closest: Closest, hips: Array, velocities: Array, dt: float, ihips: Array,
     forces: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """Change the answers to a path row by row; return the row at which an effect refuses, and its number, or 0.
+    """Change the answers to a path row by row; return the row where the hand leaves a domain, and the number, or 0.
 
     `hips` (n, N), m, and `velocities` (n, N), m/s, are the hand's; `ihips` (n, N), m, and `forces` (n, N), N, are
     changed.
     """
     for row in range(hips.shape[0]):
-        refusal = change_row(changes, closest, hips[row], velocities[row], dt, ihips[row], forces[row])
-        if refusal != 0:
-            return row, refusal
+        exit_number = change_row(changes, closest, hips[row], velocities[row], dt, ihips[row], forces[row])
+        if exit_number != 0:
+            return row, exit_number
     return hips.shape[0], 0
 
 
@@ -562,7 +562,7 @@ def answer(
     `hip` (N,), m, `velocity` (N,), m/s, and `push` (N,), N, are the hand's; `ihip` (N,), m, and `force` (N,), N, are
     written.
     """
-    refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
-    if refusal != 0:
-        return refusal
+    exit_number = data.law(data.data, hip, velocity, push, dt, ihip, force)
+    if exit_number != 0:
+        return exit_number
     return change_row(data.changes, data.closest, hip, velocity, dt, ihip, force)

@@ -213,7 +213,8 @@ class CompiledStep(NamedTuple):
     - `data`: the renderer's own, with the state that its last `reset` or `step` left. A loop resets the renderer and
       goes on from there. Where a scene's effects are put on the renderer's answers it is another tuple, see
       `hapticeval.simulation.answers`.
-    - `refusals`: what the kernel's numbers above 0 mean, in words. One below 0 is the renderer's own, and it broke.
+    - `domain_exits`: where the hand has left the law's domain, in words, by the kernel's numbers above 0. One below 0
+      is the renderer's own, and it broke.
     - `contact` (1,): where each tick leaves 1 if it reports contact, and else 0; None where it reports none.
     - `rows`: `compiled.lead_by_law` for this function alone, which is compiled into it and so is not an argument: for
       one so short that calling it takes longer. None where there is none.
@@ -221,7 +222,7 @@ class CompiledStep(NamedTuple):
 
     function: Callable[..., Any]
     data: LawData
-    refusals: Mapping[int, str]
+    domain_exits: Mapping[int, str]
     contact: Array | None = None
     rows: Callable[..., tuple[int, int]] | None = None
 
@@ -229,7 +230,7 @@ class CompiledStep(NamedTuple):
         """Answer HIPs (n, N), m, a tick a row, from the state that it has: the compiled loop along any given path.
 
         `velocities` (n, N), m/s, are the hand's, which nobody pushes; `dt` (n,), s. Writes into `answers` as far as it
-        gets: returns the row at which it refuses or breaks, and its number, or n and 0.
+        gets: returns the row at which the hand leaves its domain or it breaks, and its number, or n and 0.
         """
         from hapticeval.compiled import for_kernels, law_value, lead_by_law
 

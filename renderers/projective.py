@@ -94,9 +94,9 @@ class LawRenderer:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
         hip, velocity = checked_hand(hip), as_rows(velocity)
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
-        refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
-        if refusal:
-            raise self.led_out(hip, self.law.refusals[refusal])
+        exit_number = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
+        if exit_number:
+            raise self.led_out(hip, self.law.domain_exits[exit_number])
         return Response(ihip, force)
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
@@ -108,9 +108,9 @@ class LawRenderer:
         hips = as_rows(hips)
         answers = Answers.room(hips)
         self.reset(hips[0])
-        row, refusal = self.law.lead(hips, path_velocities(hips, dt), np.full(len(hips), dt), answers)
-        if refusal:
-            raise self.led_out(hips[row], self.law.refusals[refusal])
+        row, exit_number = self.law.lead(hips, path_velocities(hips, dt), np.full(len(hips), dt), answers)
+        if exit_number:
+            raise self.led_out(hips[row], self.law.domain_exits[exit_number])
         return answers.ihip, answers.force
 
     def led_out(self, hip: Array, what: str) -> DomainError:
@@ -365,7 +365,9 @@ class CompiledRenderer(LawRenderer):
 
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
         # each renderer has a state of its own, and shares the tables with its projection
-        law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={}, rows=projection.rows)
+        law = CompiledStep(
+            projection.law, projection.data(gains(regulation, scene)), domain_exits={}, rows=projection.rows
+        )
         lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
         super().__init__(law, projection.surface, **lengths)
         self.projection = projection

@@ -39,8 +39,8 @@ class Stabilisation(LawRenderer):
         )  # fmt: skip
         data = law_data(gains, state=room_for(TOUCH), **tables)
         where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
-        refusals = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
-        super().__init__(CompiledStep(law, data, refusals), surface)
+        domain_exits = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
+        super().__init__(CompiledStep(law, data, domain_exits), surface)
 
     def observe_force(self, push: Array) -> None:
         """Take the hand's measured force on the tool, `push` (N,), N, for the ticks that follow."""

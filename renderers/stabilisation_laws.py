@@ -80,7 +80,7 @@ TOUCH = record_type("n", base=PAST)
 """The `state`: with where the tool touched at the tick before, n in m."""
 
 BEYOND = 1
-"""The refusal: at or beyond the centre of curvature of the foot."""
+"""The number of a domain exit: at or beyond the centre of curvature of the foot."""
 
 FOCAL = 1e-9
 """The least 1 + n κ, or eigenvalue of I + nW: nearer to a focal point many points are nearest to within rounding."""

@@ -35,9 +35,9 @@ def flagged_law(composed: Composed) -> tuple[CompiledStep, Array]:
     @_compile_inlining
     def answer(data: Flagged, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
         """Answer a `hip` (N,), m, with `ihip` (N,), m, and `force` (N,), N, both written; see `compiled.LAW`."""
-        refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
-        if refusal != 0:
-            return refusal
+        exit_number = data.law(data.data, hip, velocity, push, dt, ihip, force)
+        if exit_number != 0:
+            return exit_number
         return chain(data, hip, velocity, dt, ihip, force)
 
     flags = np.zeros(len(functions))
@@ -56,9 +56,9 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
     @_compile_inlining
     def change_flagged(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
         """Change `ihip` (N,), m, and `force` (N,), N, by each effect whose flag is set; see `compiled.CHANGE`."""
-        refusal = before(data, hip, velocity, dt, ihip, force)
-        if refusal != 0:
-            return refusal
+        exit_number = before(data, hip, velocity, dt, ihip, force)
+        if exit_number != 0:
+            return exit_number
         # The test at each tick whose cost is measured: a flag of this change, as a number.
         if data.flags[last] != 0.0:
             return change(data.numbers[last], data.closest, hip, velocity, dt, ihip, force)

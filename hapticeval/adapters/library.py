@@ -283,7 +283,7 @@ def ask(
     )
     data.state[0] = 0.0
     data.state[ANSWER] = answer
-    # A law returns 0 for an answer, a positive number for a refusal, a negative one where it broke.
+    # A law returns 0 for an answer, a positive number for a HIP that it refuses, a negative one where it broke.
     if 0 <= answer <= CONTACT_FLAG:
         return 0
     return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))

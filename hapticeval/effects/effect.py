@@ -103,8 +103,8 @@ class Effect:
     """Its name in suites, results and recordings."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
-    refusals: ClassVar[Mapping[int, str]] = {}
-    """What the numbers mean that its change of an answer returns beside 0."""
+    domain_exits: ClassVar[Mapping[int, str]] = {}
+    """Where the hand has left its domain, in words, by the numbers that its change of an answer returns beside 0."""
     words: ClassVar[str] = ""
     """The effect in a few words, with its numbers by name in braces: see `describe`."""
     channels: ClassVar[tuple[str, ...]] = ()
@@ -177,7 +177,7 @@ class Effect:
         `function(numbers, closest, hip, velocity, dt, ihip, force)` is given the fields `params`, `samples` and `state`
         of the part as `numbers`, the scene's boundary as `closest`, see `hapticeval.compiled.CLOSEST`, and the answer
         to `hip` (N,), m, which it changes in place: `ihip` (N,), m, and `force` (N,), N. It returns 0, or the number of
-        one of `refusals`.
+        one of `domain_exits`.
 
         At the reset that begins a run `state` is put back to the numbers of the part.
         """

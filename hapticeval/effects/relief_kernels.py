@@ -133,7 +133,7 @@ def turn_normal(
 ) -> int:  # fmt: skip
     """Turn the force's part along the normal by the relief's slope, as `BumpMap` has it (4.16).
 
-    The signature is that of `Effect.change`: `ihip` (N,), m, `force` (N,), N. Returns 0: it refuses nothing.
+    The signature is that of `Effect.change`: `ihip` (N,), m, `force` (N,), N. Returns 0: it is defined everywhere.
     """
     count = hip.shape[0]
     frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]

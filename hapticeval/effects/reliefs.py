@@ -193,7 +193,7 @@ class HeightMap(Relief):
     """
 
     kind: ClassVar[str] = "height-map"
-    refusals: ClassVar[dict[int, str]] = {
+    domain_exits: ClassVar[dict[int, str]] = {
         1: "a height map needs an IHIP that is the nearest point of the surface, and the renderer's is not",
         2: "a height map ends at the medial axis, where the surface has no nearest point",
     }

@@ -91,7 +91,7 @@ def shade(
     """Turn `force` (2,), N, by as much as its shaded normal is turned: see `shading.normals_at` and `shading.turned`.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `numbers.params` (1,) is the rounding of the arc
-    length, m; `numbers.samples` (n, 8) are those of `shading.facets`. Returns 0: it refuses nothing.
+    length, m; `numbers.samples` (n, 8) are those of `shading.facets`. Returns 0: it is defined everywhere.
     """
     if force[0] == 0.0 and force[1] == 0.0:
         return 0
@@ -131,7 +131,7 @@ def shade_mesh(
 ) -> int:  # fmt: skip
     """Turn `force` (3,), N, on a mesh by as much as its shaded normal is turned: see `shading.Shading`.
 
-    The signature is that of `Effect.change`: `hip` and `ihip` (3,), m. Returns 0: it refuses nothing.
+    The signature is that of `Effect.change`: `hip` and `ihip` (3,), m. Returns 0: it is defined everywhere.
     """
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         return 0

@@ -198,7 +198,7 @@ def vibrate(
     """Shake the hand with the texture's vibrations times the mass, as `StochasticTexture` has it.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N; what
-    `numbers` holds stands above. Returns 0: it refuses nothing.
+    `numbers` holds stands above. Returns 0: it is defined everywhere.
     """
     rows, state, count, texture = numbers.samples, numbers.state, hip.shape[0], as_record(numbers.params, TEXTURE)
     frame, normal, work, direction = state[:2], state[NORMAL], state[BEFORE:], state[DIRECTION_ROW]

@@ -163,7 +163,7 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
     """Let the surface ring: add the tick's mean of L v e^(-Bt) sin(wt), t s after the contact began.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
-    `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it refuses nothing.
+    `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it is defined everywhere.
     """
     state, params = numbers.state, numbers.params
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:
@@ -204,7 +204,7 @@ def replay(
     `numbers.params` (2,) are the cap (N) and the sampling time (s); `numbers.samples` (2, n) the pulse (N) with a zero
     at its end, and its sums.
 
-    Returns 0: it refuses nothing.
+    Returns 0: it is defined everywhere.
     """
     state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:

@@ -34,7 +34,9 @@ class ContactImpulse(Effect):
 
     kind: ClassVar[str] = "contact-impulse"
     stage: ClassVar[Stage] = Stage.ANSWER
-    refusals: ClassVar[Mapping[int, str]] = {1: "a contact begins where the device does not reach: it has no inertia"}
+    domain_exits: ClassVar[Mapping[int, str]] = {
+        1: "a contact begins where the device does not reach: it has no inertia"
+    }
     linear: ClassVar[bool] = False
 
     def fits(self, scene: Calling) -> None:

@@ -54,15 +54,15 @@ class Affected:
     """A renderer with `effects` on its answers; what else it offers, but for a stiffness, is the renderer's."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
-        from hapticeval.compiled import REFUSALS_PER_EFFECT, change_rows, specialised
+        from hapticeval.compiled import EXITS_PER_EFFECT, change_rows, specialised
         from hapticeval.geometry.boundary import closest_of
 
         self.base = renderer
         self.effects = tuple(effects)
-        self.refusals = {
-            REFUSALS_PER_EFFECT * k + number: words
+        self.domain_exits = {
+            EXITS_PER_EFFECT * k + number: words
             for k, effect in enumerate(effects, 1)
-            for number, words in effect.refusals.items()
+            for number, words in effect.domain_exits.items()
         }
         # before anything is compiled: a base that an effect cannot be put on is refused at once
         for effect in effects:
@@ -91,7 +91,7 @@ class Affected:
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """Answer one tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s.
 
-        Raises `DomainError` where an effect refuses.
+        Raises `DomainError` where an effect is not defined.
         """
         ihip, force = (np.array(vector, dtype=np.float64) for vector in self.base.step(hip, velocity, dt))
         self.contact = self._reported_contact()
@@ -149,14 +149,14 @@ class Affected:
 
         changes_and_closest = self._changes, self._closest
         if self._compiled:
-            row, refusal = self._change_rows(*changes_and_closest, hips, velocities, dt, ihips, forces)
+            row, exit_number = self._change_rows(*changes_and_closest, hips, velocities, dt, ihips, forces)
         else:  # the boundary is in Python, and so is all that asks it
             change_in_python = getattr(change_row, "py_func", change_row)
             ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))
             numbers = ((row, change_in_python(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
-            row, refusal = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
-        if refusal:
-            raise DomainError(f"{self.refusals[refusal]}: {in_m(hips[row])}")
+            row, exit_number = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
+        if exit_number:
+            raise DomainError(f"{self.domain_exits[exit_number]}: {in_m(hips[row])}")
 
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:
@@ -165,7 +165,7 @@ class Affected:
 
         base = law_value(law.function, law.data)
         data: Any = Composed(base, law.data, self._changes, self._closest)
-        return CompiledStep(answer, data, {**law.refusals, **self.refusals}, law.contact)
+        return CompiledStep(answer, data, {**law.domain_exits, **self.domain_exits}, law.contact)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy what a tick changes, and share the rest, which nothing does."""

@@ -153,22 +153,22 @@ def _drive_device(
     else:
         loop = loop._replace(reported=law.contact)
         note_run(0)
-        tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
+        tick, status, number = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
             end = _end_of_run(tick, _outside_error(scene.robot, loop.state.joints))
         elif status == kernels.RAN_AWAY:
             end = _end_of_run(tick, _runaway_error(tick, out.hip[tick], loop.state.joints))
         elif status == kernels.NOT_FINITE:
             raise not_finite(tick, out.measured_hip[tick], out.ihip[tick], out.force[tick])
-        elif status < 0:
+        elif status == kernels.BROKE:
             raise RendererError(
-                f"the renderer's compiled step returned {status}",
+                f"the renderer's compiled step returned {number}",
                 tick=tick,
                 hip=out.measured_hip[tick],
                 why="it is below 0: the renderer broke",
             )
-        elif status >= kernels.REFUSED:  # the law's own number, from 1 on
-            end = _end_of_run(tick, _refusal_error(law, status - kernels.REFUSED + 1, out.measured_hip[tick]))
+        elif status == kernels.LEFT_DOMAIN:
+            end = _end_of_run(tick, _domain_exit_error(law, number, out.measured_hip[tick]))
     return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out.contact[:, 0])
 
 
@@ -207,10 +207,10 @@ def _step_in_loop(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt
         raise late_refusal(refusal, tick, hip) from refusal
 
 
-def _refusal_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
-    """What a law's refusal number says."""
+def _domain_exit_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
+    """What a law says by its `number` of the hand, at `hip` (N,), m, having left its domain."""
     return DomainError(
-        law.refusals.get(number, f"the renderer's law refuses: number {number}"),
+        law.domain_exits.get(number, f"the renderer's law refuses: number {number}"),
         why=f"the hand is at {in_m(hip)}, where the renderer is not defined",
         todo="start nearer to the surface, hold on stiffer, or push less",
     )

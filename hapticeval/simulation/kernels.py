@@ -21,9 +21,9 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.effects.effect import Part
 
-DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
-"""How a run ends. From REFUSED on the law refused, with the number status - REFUSED + 1; below 0 it is the number with
-which the law broke."""
+DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, LEFT_DOMAIN, BROKE = range(6)
+"""How a run ends: LEFT_DOMAIN where the law is not defined at the hand, which its number above 0 tells, and BROKE where
+the law returned a number below 0."""
 
 
 class Attached(NamedTuple):
@@ -113,7 +113,10 @@ def hook_of(parts: Iterable[Part]) -> Hook | None:
 
 @borrowing
 def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
-    """Let the effects of a stage change `first` and `second` (N,), vectors in the stage's units (rad, N m, N).
+    """Let the effects of a stage change its vectors `first` and `second` (N,).
+
+    They are joints and rates for the sensors (rad, rad/s), torques of this and the last tick for the motors (N m). What
+    the hand is felt to push has one vector (N), which is both.
 
     Returns the last of the times (s) that they give, zero for no effects.
     """
@@ -127,15 +130,15 @@ def apply_effects(hook: Hook | None, tick: int, dt: float, first: Array, second:
 
 
 @inner
-def grip_force(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Array) -> float:
+def grip_force(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, velocity: Array) -> float:
     """Return the force with which the hand draws along axis `i`, N, at the sample: k (x_d - y) + b (ẋ_d - ẏ).
 
-    `hip` (N,), m, and `speed` (N,), m/s, are the device's.
+    `hip` (N,), m, and `velocity` (N,), m/s, are the device's.
     """
     if grip is None:
         return 0.0
-    path_speed = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
-    return float(grip.gains[0] * (grip.path[tick, i] - hip[i]) + grip.gains[1] * (path_speed - speed[i]))
+    path_velocity = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
+    return float(grip.gains[0] * (grip.path[tick, i] - hip[i]) + grip.gains[1] * (path_velocity - velocity[i]))
 
 
 @inner
@@ -204,15 +207,15 @@ def write_torques(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 
 @inner
-def move_device(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
-    """Move the device from `begin` to `end` s into the tick under `torque` (N,), N m or N.
+def move_device(loop: Loop, tick: int, begin: float, end: float, torques: Array) -> bool:
+    """Move the device from `begin` to `end` s into the tick under `torques` (N,), N m or N.
 
     Returns False where it has no finite state at the end.
     """
     joints, rates = loop.state.joints, loop.state.rates
     # with h = end - begin: h/2 (y_0 + h/6 ẏ_0) at the start, h/2 (y_1 - h/6 ẏ_1) at the end
     add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
-    if loop.advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
+    if loop.advance(loop.motion, tick, begin, end, joints, rates, torques) == 0:
         return False
     add_to_position_integral(loop.motion.load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
     return True
@@ -242,8 +245,12 @@ def mean_push(push: Array, tick: int, i: int) -> float:
 
 
 @inner
-def add_mean_grip_force(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> float:
-    """Return the mean force over the tick along axis `i`, N: `mean` of what is prescribed, and the grip's."""
+def mean_hand_force(grip: Grip | None, loop: Loop, tick: int, i: int) -> float:
+    """Return the hand's mean force over the tick along axis `i`, N: of what is prescribed, and of the grip.
+
+    The grip's is of the place and its integral that the tick's last `move_device` leaves in the loop's state.
+    """
+    mean = mean_push(loop.motion.load.push, tick, i)
     if grip is None:
         return mean
     path, dt = grip.path, loop.motion.load.dt
@@ -275,7 +282,7 @@ def act(loop: Loop, tick: int) -> int:
     for i in range(torques.shape[0]):
         if switch > 0.0:  # the channel holds the tick's mean
             torques[i] = (switch * previous_torques[i] + (dt - switch) * torques[i]) / dt
-        out.operator_force[tick, i] = add_mean_grip_force(load.grip, loop, tick, i, mean_push(load.push, tick, i))
+        out.operator_force[tick, i] = mean_hand_force(load.grip, loop, tick, i)
     for i in range(torques.shape[0]):
         if not abs(state.joints[i] - state.start[i]) < loop.reach:  # also for nan
             return RAN_AWAY
@@ -291,26 +298,26 @@ def note_contact(reported: Array | None, loop: Loop, tick: int) -> None:
 
 
 @borrowing
-def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
-    """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
+def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int, int]:
+    """Run all ticks with a compiled law; return the tick that the run ended at, how, and the law's number there."""
     out, dt = loop.out, loop.motion.load.dt
     for tick in range(out.hip.shape[0]):
         status = sense(loop, tick)
         if status != DONE:
-            return tick, status
+            return tick, status, 0
         # the law knows only what the sensors give
         number = law(
             data, out.measured_hip[tick], out.measured_velocity[tick], out.measured_force[tick], dt, out.ihip[tick],
             out.force[tick],
         )  # fmt: skip
-        if number != 0:  # below zero it broke, above it refuses: `_drive_device` words both
-            return tick, number if number < 0 else REFUSED - 1 + number
+        if number != 0:
+            return tick, LEFT_DOMAIN if number > 0 else BROKE, number
         for i in range(out.hip.shape[1]):
             # no number that is not finite reaches the motors
             if not math.isfinite(out.ihip[tick, i]) or not math.isfinite(out.force[tick, i]):
-                return tick, NOT_FINITE
+                return tick, NOT_FINITE, 0
         note_contact(loop.reported, loop, tick)
         status = act(loop, tick)
         if status != DONE:
-            return tick, status
-    return out.hip.shape[0], DONE
+            return tick, status, 0
+    return out.hip.shape[0], DONE, 0

@@ -44,7 +44,9 @@ class OnFacets(LawRenderer):
     ) -> None:
         facets, rows = facets_of(scene)
         data = law_data(np.append(scene.stiffness, own), segments=rows, state=state, **tables)
-        super().__init__(CompiledStep(law, data, refusals={}), facets.boundary, standoff=standoff + facets.chord_error)
+        super().__init__(
+            CompiledStep(law, data, domain_exits={}), facets.boundary, standoff=standoff + facets.chord_error
+        )
         if facets.chord_error > 0.0:  # the facets of a smooth model are not its fault
             self.pieces = facets.boundary
             self.resolution = float(2.0 * rows.view(FACET)["reach"].max())

@@ -20,7 +20,7 @@ class Suction(Effect):
 
     kind: ClassVar[str] = "suction"
     stage: ClassVar[Stage] = Stage.ANSWER
-    refusals: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
+    domain_exits: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
 
     def change(self, scene):
         return Part(suck, np.array([self.force, self.deepest]), state=np.ones((3, scene.model.dimension)))

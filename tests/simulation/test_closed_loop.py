@@ -224,12 +224,12 @@ def counting_spring(data, hip, velocity, push, dt, ihip, force):
 class Spring:
     """`counting_spring` with its law, or in Python without."""
 
-    refusals = {2: "beyond the radius"}  # noqa: RUF012
+    domain_exits = {2: "beyond the radius"}  # noqa: RUF012
 
     def __init__(self, *, law, stiffness=300.0, damping=3.0, radius=1e3, breaks=1e9):
         self.data = law_data((stiffness, damping, radius, breaks), state=1)
         if law:
-            self.law = CompiledStep(counting_spring, self.data, self.refusals)
+            self.law = CompiledStep(counting_spring, self.data, self.domain_exits)
 
     def reset(self, hip):
         self.data.state[:] = 0.0
@@ -242,7 +242,7 @@ class Spring:
         ihip, force = np.empty_like(hip), np.empty_like(hip)
         number = counting_spring(self.data, hip, velocity, self.push, dt, ihip, force)
         if number:
-            raise DomainError(self.refusals[number])
+            raise DomainError(self.domain_exits[number])
         return Response(ihip, force)
 
 
