@@ -22,12 +22,12 @@ from hapticeval.types import Array
 Required = TypeVar("Required")
 
 
-class Closer(Protocol):
+class Refinable(Protocol):
     """A path of which any part can be run again in finer steps: see `hapticeval.simulation.playback.Closeup`."""
 
     recording: Recording
 
-    def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closer:
+    def refined(self, first: int, last: int, factor: int, *, lag: int) -> Refinable:
         """Run rows `first` to `last`, each step in `factor`; the hand rests before, and for `lag` ticks after."""
 
 
@@ -52,7 +52,7 @@ class Runs:
     """The name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares."""
     again: Callable[[], Recording] | None = None
     """Once more through the same renderer, which is reset in between."""
-    look: Closer | None = None
+    look: Refinable | None = None
     """`base` with a way to refine a part of it."""
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
     """`moved(motion, nudge)`: the stimulus, shifted by the vector `nudge` (N,), m, and then moved with the scene.

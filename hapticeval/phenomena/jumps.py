@@ -21,7 +21,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from hapticeval.phenomena.check import Closer
+from hapticeval.phenomena.check import Refinable
 from hapticeval.phenomena.decisions import (
     COARSER_THAN_DOUBLE,
     FEW_PARTS,
@@ -71,7 +71,7 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class JumpPlace:
+class RoughPlace:
     """A place where finer steps do not take the IHIP's steps below the bound: the step left, m, and its `kind`.
 
     `slope` is the exponent a of spread ~ h^a over the HIP step h: 1 is Lipschitz, 0 a jump. `tick` is the recording's.
@@ -106,40 +106,42 @@ def aitken(coarse: float, middle: float, fine: float) -> float:
     return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
 
 
-def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:
+def jump_at_rate(factor: int, path: Refinable, scene: Scene, tick: int) -> float:
     """Return the largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
-    first, last = max(tick - TICKS_BEFORE_JUMP, 0), min(tick + TICKS_AFTER_JUMP, len(look.recording) - 1)
-    return largest_jump(look.closer(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
+    first, last = max(tick - TICKS_BEFORE_JUMP, 0), min(tick + TICKS_AFTER_JUMP, len(path.recording) - 1)
+    return largest_jump(path.refined(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
 
 
-def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -> JumpPlace | None:
+def look_closer(path: Refinable, scene: Scene, *, bounds: Array, standoff: float) -> RoughPlace | None:
     """Return the first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; or None.
 
     `standoff` (m) is how far the rendered surface may lie off the model. A place that is steep is the answer only where
     no other stays or is unresolved.
     """
-    place = _JumpSearch(look, scene, bounds, standoff).run()
+    search = _JumpSearch(path.recording, scene, standoff)
+    place = search.first_place_in(_Look(path, scene, bounds, resolved_step=search.resolved_step))
     if place is None:
         return None
     # A proxy that lags moves later than the hand that made it.
-    tick = min(place.tick, len(look.recording) - 1)
-    steps = contact_steps(look.recording, scene)[tick : tick + LAG_TICKS + 1]
+    tick = min(place.tick, len(path.recording) - 1)
+    steps = contact_steps(path.recording, scene)[tick : tick + LAG_TICKS + 1]
     return replace(place, tick=tick + int(np.argmax(steps)))
 
 
 class _Look:
     """A part of the path in finer steps than the look before has it; the first is the recording itself.
 
-    - `closer` made it, and can run any part of it again; `bounds` (n,), m, are what its IHIP `steps` (n,), m, may be.
-      In finer steps the bound of a place stays the recording's.
+    - `path` has its recording, and can run any part of it again in finer steps.
+    - `bounds` (n,), m, are what its IHIP `steps` (n,), m, may be. In finer steps the bound of a place stays the
+      recording's.
     - `scales`: how the place looked in the looks before.
     - `coarser`: the look before, of which this begins at the row `begin`, each step in `factor`.
-    - `steep`: the first of its stretches that is steep, kept until another one decides.
+    - `stretches`: first and last row of what is suspect in it, the worst first.
     """
 
     def __init__(
         self,
-        closer: Closer,
+        path: Refinable,
         scene: Scene,
         bounds: Array,
         scales: tuple[Scale, ...] = (),
@@ -149,66 +151,52 @@ class _Look:
         factor: int = 1,
         resolved_step: float,
     ) -> None:
-        self.closer, self.bounds, self.scales = closer, bounds, scales
+        self.path, self.bounds, self.scales = path, bounds, scales
         self.coarser, self.begin, self.factor = coarser, begin, factor
-        self.steps = contact_steps(closer.recording, scene)
+        self.steps = contact_steps(path.recording, scene)
         # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
         self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * resolved_step
         longest = ROWS_OF_A_LOOK // (FEW_PARTS if len(scales) < 2 else MANY_PARTS)
         self.stretches = _suspect_stretches(self.steps, bounds, longest)
-        self.steep: JumpPlace | None = None
 
     def tick(self, row: int) -> int:
         """Return the recording's tick that ends the step in which a row lies."""
         look = self
         while look.coarser is not None:
-            row = look.begin + -(-row // look.factor)
+            row = look.begin + math.ceil(row / look.factor)
             look = look.coarser
         return row
 
-    def is_settled_by(self, place: JumpPlace | None) -> bool:
+    def is_settled_by(self, place: RoughPlace | None) -> bool:
         """Return whether no more stretches are to be looked into after one in which finer steps leave `place`."""
         # Below single precision one stretch is enough; above it one that is steep may yet be outdone.
-        if self.below_single or (place is not None and place.kind is not Remains.STEEP):
-            return True
-        self.steep = self.steep or place
-        return False
+        return self.below_single or (place is not None and place.kind is not Remains.STEEP)
 
 
 class _JumpSearch:
-    """The search for a jump that stays: `looks` are those that are open, each into a stretch of the one before it."""
+    """The search for a jump that stays, in ever finer looks: each is into a stretch of the one before it."""
 
-    def __init__(self, look: Closer, scene: Scene, bounds: Array, standoff: float) -> None:
+    def __init__(self, recording: Recording, scene: Scene, standoff: float) -> None:
         self.scene = scene
         # m, what single precision resolves of the whole path's coordinates: those of a place may be near to 0.
-        self.resolved_step = single_rounding(look.recording.hip)
+        self.resolved_step = single_rounding(recording.hip)
         self.tolerance = standoff + self.resolved_step
-        self.looks = [_Look(look, scene, bounds, resolved_step=self.resolved_step)]
 
-    def run(self) -> JumpPlace | None:
-        """Return what finer steps leave of the steps that are above their bounds; None where nothing is left."""
-        place: JumpPlace | None = None
-        while self.looks:
-            look = self.looks[-1]
-            stretch = next(look.stretches, None)
-            if stretch is None:
-                # No stretch is left that could decide.
-                place = self._judge_worst(look) if look.below_single else look.steep
-                self.looks.pop()
-            else:
-                place_or_look = self._look_into(look, *stretch)
-                if isinstance(place_or_look, _Look):
-                    self.looks.append(place_or_look)
-                    continue
-                place = place_or_look
-            # A place counts for the look that it is in, and for those before it, up to one that it does not settle.
-            while self.looks and self.looks[-1].is_settled_by(place):
-                self.looks.pop()
-        return place
+    def first_place_in(self, look: _Look) -> RoughPlace | None:
+        """Return what finer steps leave of a look's steps above their bounds; None where nothing is left."""
+        first_steep: RoughPlace | None = None
+        for first, last in look.stretches:
+            place_or_look = self._look_into(look, first, last)
+            place = self.first_place_in(place_or_look) if isinstance(place_or_look, _Look) else place_or_look
+            if look.is_settled_by(place):
+                return place
+            first_steep = first_steep or place
+        # No stretch is left that could decide.
+        return self._judge_worst(look) if look.below_single else first_steep
 
-    def _look_into(self, look: _Look, first: int, last: int) -> JumpPlace | _Look | None:
+    def _look_into(self, look: _Look, first: int, last: int) -> RoughPlace | _Look | None:
         """Return what is left of a stretch of steps above their bounds, or the finer look that has to tell."""
-        recording = look.closer.recording
+        recording = look.path.recording
         worst = first + int(np.argmax((look.steps - look.bounds)[first : last + 1]))
         scales = self._scales_with(look, worst)
         # The scale says how much finer the next look may be before coordinates are too coarse for it.
@@ -217,25 +205,25 @@ class _JumpSearch:
         if hip_step == 0.0:
             # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
             kind = Remains.STAYS if look.scales else Remains.UNRESOLVED
-            return JumpPlace(kind, look.tick(worst), scales[-1].jump, 0.0, scales)
+            return RoughPlace(kind, look.tick(worst), scales[-1].jump, 0.0, scales)
         # Looked at below single precision often enough, or double precision ends: it is judged by its scales.
         often_enough = sum(scale.hip_step < self.resolved_step for scale in scales) == LOOKS_BELOW_SINGLE
         if often_enough or hip_step / factor < COARSER_THAN_DOUBLE * self.resolved_step:
             return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.resolved_step)
         # Begun early enough for a late proxy to have the state that it had.
         begin = max(first - 1 - LAG_TICKS, 0)
-        closer = look.closer.closer(begin, last, factor, lag=LAG_TICKS)
+        finer = look.path.refined(begin, last, factor, lag=LAG_TICKS)
         above, part = look.steps > look.bounds, (first, last, begin)
-        if not _leads_the_same_way(recording, closer.recording, self.scene, above, part, self.tolerance):
-            return JumpPlace(Remains.UNRESOLVED, look.tick(worst), scales[-1].jump, math.nan, scales)
+        if not _leads_the_same_way(recording, finer.recording, self.scene, above, part, self.tolerance):
+            return RoughPlace(Remains.UNRESOLVED, look.tick(worst), scales[-1].jump, math.nan, scales)
         # The row of the coarse look that ends the step in which each fine row lies.
-        rows = begin - (-np.arange(len(closer.recording)) // factor)
+        rows = begin + np.ceil(np.arange(len(finer.recording)) / factor).astype(np.intp)
         bounds = look.bounds[np.minimum(rows, last)]
         return _Look(
-            closer, self.scene, bounds, scales, look, begin=begin, factor=factor, resolved_step=self.resolved_step
+            finer, self.scene, bounds, scales, look, begin=begin, factor=factor, resolved_step=self.resolved_step
         )
 
-    def _judge_worst(self, look: _Look) -> JumpPlace | None:
+    def _judge_worst(self, look: _Look) -> RoughPlace | None:
         """Judge the largest step of a look below single precision in which none is above its bound."""
         worst = int(np.argmax(look.steps))
         scales = self._scales_with(look, worst)
@@ -243,7 +231,7 @@ class _JumpSearch:
 
     def _scales_with(self, look: _Look, row: int) -> tuple[Scale, ...]:
         """Return the scales that were seen before with that of a row of this look."""
-        scale = _measure_scale(look.closer.recording, self.scene, look.steps, row, look.scales)
+        scale = _measure_scale(look.path.recording, self.scene, look.steps, row, look.scales)
         return (*look.scales, scale)
 
 
@@ -349,14 +337,20 @@ def _passes_by(
     return True
 
 
-def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_step: float) -> JumpPlace | None:
+def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_step: float) -> RoughPlace | None:
     """Tell a jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
-    - A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below.
-    - A jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken).
+    A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. In
+    this order:
+
+    - A jump keeps its spread below.
     - What shrinks less than any such map, and becomes smooth only below, is a rounded jump where it rises over less HIP
       travel than coordinates resolve; where it takes more, it is steep and continuous.
-    - A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has.
+    - A jump's spread may tend to a limit above the bound: spread = limit + c r^k (Aitken).
+    - Of the others, what shrinks as fast as a map with the least exponent is continuous, and what does not is steep.
+
+    A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has: it is
+    left out.
     """
     last = scales[-1]
     # The finest scale that single precision still resolves.
@@ -364,7 +358,7 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_s
     finest_resolved = scales[finest]
     slope = _spread_exponent(scales[0], finest_resolved)
     if last is not finest_resolved and last.spread >= JUMP_SPREAD_SHARE * finest_resolved.spread:
-        return JumpPlace(Remains.STAYS, tick, last.jump, slope, scales)
+        return RoughPlace(Remains.STAYS, tick, last.jump, slope, scales)
     below = [scale for scale in scales[finest + 1 :] if scale.follows_hand]
     if (
         slope < LEAST_EXPONENT
@@ -373,16 +367,16 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_s
     ):
         # HIP travel over which the spread rises at the slope of the finest step.
         rise = math.inf if below[-1].jump == 0.0 else finest_resolved.spread * below[-1].hip_step / below[-1].jump
-        return JumpPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < resolved_step else None
+        return RoughPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < resolved_step else None
     # Three spreads in a row: their limit by Aitken, where they shrink at a steady ratio.
     if len(below) == LOOKS_BELOW_SINGLE:
         coarse, middle, fine = [finest_resolved, *below][-3:]
         limit = aitken(coarse.spread, middle.spread, fine.spread)
         if limit > max(bound, LIMIT_SHARE * fine.spread):
-            return JumpPlace(Remains.STAYS, tick, limit, slope, scales)
+            return RoughPlace(Remains.STAYS, tick, limit, slope, scales)
     if slope >= LEAST_EXPONENT:
         return None
-    return JumpPlace(Remains.STEEP, tick, last.jump, slope, scales)
+    return RoughPlace(Remains.STEEP, tick, last.jump, slope, scales)
 
 
 def _spread_exponent(coarse: Scale, fine: Scale) -> float:

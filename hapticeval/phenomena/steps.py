@@ -37,17 +37,17 @@ def contact_steps(recording: Recording, scene: Scene) -> Array:
 def recent_steps(recording: Recording) -> Array:
     """Return how far in a tick the hand has lately moved, up to each sample: (n,), m.
 
-    A proxy may be late by three ticks. One that waits for them answers a step of the hand up to three ticks after it,
-    and one that nears the hand with a time constant of three ticks by e^(-1/3) less in each tick beyond.
+    A proxy may be late by `LAG_TICKS`. One that waits for them answers a step of the hand up to so many ticks after it.
+    One that nears the hand with such a time constant does by a factor of e^(-1 / LAG_TICKS) in each tick beyond.
     """
     steps = np.concatenate([[0.0], hip_steps(recording)])
-    # The longest of the step and of the three before it.
+    # The longest of the step and of the LAG_TICKS before it.
     window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
     ticks = np.arange(steps.size) / LAG_TICKS
     with np.errstate(divide="ignore"):
-        # max over j <= i of step_j e^(-(i - j) / 3), as a running maximum in the logarithm
+        # max over j <= i of step_j e^(-(i - j) / LAG_TICKS), as a running maximum in the logarithm
         fading = np.exp(np.maximum.accumulate(np.log(steps) + ticks) - ticks)
-    # A step fades only behind the three ticks in which it counts whole.
+    # A step fades only behind the LAG_TICKS in which it counts whole.
     window[LAG_TICKS:] = np.maximum(window[LAG_TICKS:], fading[:-LAG_TICKS])
     return np.asarray(window)
 

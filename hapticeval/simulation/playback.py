@@ -585,7 +585,7 @@ class Closeup:
         shared = (scene, scene.model, scene.model.boundary)
         return cls(recording, rows, before, _Original(renderer, dt, shared, before.dt.size))
 
-    def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
+    def refined(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
         """Return a close-up of the path from row `first` to row `last` > `first`, each step in `factor` equal ones.
 
         The hand first rests at row `first`, at the path's own rate, until `lag` + 1 answers are the same: what a
@@ -619,10 +619,10 @@ class Closeup:
         channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
         before = self._rows_since_reset(first + 1).followed_by(rest_rows.part(0, -1))
-        closer = Closeup(recording, rows, before, self._subject)
+        closeup = Closeup(recording, rows, before, self._subject)
         if copy is not None:
-            closer._copies[0] = copy
-        return closer
+            closeup._copies[0] = copy
+        return closeup
 
     def _rows_since_reset(self, count: int) -> Rows:
         """What the renderer has been asked before row `count` of the path."""

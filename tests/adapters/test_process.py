@@ -250,11 +250,11 @@ def test_a_stretch_that_is_refused_where_its_steps_are_not_is_an_error(
     renderer = make_process_renderer(name)
     path = Way(np.array([0.0, 0.5]), np.array([[0.0, 0.01], [0.05, 0.01]]))
     look = Closeup.of(renderer, play(renderer, path, 0.01), LINE)
-    look.closer(48, 49, 4, lag=2)
+    look.refined(48, 49, 4, lag=2)
     path = Way(np.array([0.0, 0.6]), np.array([[0.0, 0.01], [0.06, 0.01]]))
     beyond = Closeup.of(renderer, play(Stepped(renderer), path, 0.01), LINE)
     with refused(RendererError) as raised:
-        beyond.closer(50, 54, 4, lag=2)
+        beyond.refined(50, 54, 4, lag=2)
     assert raised.value.tick == 50
 
 

@@ -313,7 +313,7 @@ def test_half_a_second_before_a_jump_and_64_ticks_after_are_led_along_at_another
     class Look:
         recording = changed(led(lambda x: x)(1), rows=slice(0, 1000))
 
-        def closer(self, first, last, factor, *, lag):
+        def refined(self, first, last, factor, *, lag):
             asked.append((first, last, factor, lag))
             return self
 
@@ -362,7 +362,7 @@ class Look:
     def __init__(self, recording, kept=(0, 0)):
         self.recording, self.kept = recording, kept
 
-    def closer(self, first, last, factor, *, lag):
+    def refined(self, first, last, factor, *, lag):
         rows = np.append(first + np.arange((last - first) * factor + 1) / factor, np.full(lag, float(last)))
         astray = self.kept[0] <= first and last <= self.kept[1]
         ihip = delayed(self.recording.ihip, rows) + np.array([1.0 if astray else 0.0, 0.0])
@@ -405,7 +405,7 @@ class Sharp:
         self.recording = recorded(hip, hip * [1.0, 0.0] + 3e-4 * jumped * [1.0, 0.0], dt=dt)
         self.asked, self.dt = asked, dt
 
-    def closer(self, first, last, factor, *, lag):
+    def refined(self, first, last, factor, *, lag):
         self.asked.append((first, last, factor, lag))
         rows = np.append(first + np.arange((last - first) * factor + 1) / factor, np.full(lag, float(last)))
         return Sharp(delayed(self.recording.hip, rows), self.asked, dt=self.dt / factor)

@@ -24,9 +24,10 @@ from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.crossings import _comes_from_outside, _length_to_next_corner, angle_between
 from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
 from hapticeval.phenomena.jumps import (
-    JumpPlace,
     Remains,
+    RoughPlace,
     Scale,
+    _JumpSearch,
     _leads_the_same_way,
     _Look,
     _measure_scale,
@@ -237,7 +238,7 @@ class TestContinuity:
 def test_a_look_is_settled_by_a_jump_and_below_single_precision_by_anything(steps, below):
     resolved = 1e-9
     scales = (Scale(0.0, 1.0, 1.0, steps * resolved, True),)
-    steep, jump = (JumpPlace(kind, 5, 1e-3, 0.0, scales) for kind in (Remains.STEEP, Remains.STAYS))
+    steep, jump = (RoughPlace(kind, 5, 1e-3, 0.0, scales) for kind in (Remains.STEEP, Remains.STAYS))
     base = slide(count=20)
 
     def look():
@@ -248,9 +249,24 @@ def test_a_look_is_settled_by_a_jump_and_below_single_precision_by_anything(step
         one = look()
         assert one.below_single is below
         assert one.is_settled_by(place) is below
-        assert one.steep is (None if below else place), "one that is steep may yet be outdone"
     first = _Look(SimpleNamespace(recording=base), LINE, np.ones(20), resolved_step=resolved)
     assert not first.below_single
+
+
+@pytest.mark.parametrize(
+    ("kinds", "index"),
+    [(("steep", None, "steep"), 0), ((None, "steep", "stays"), 2), (("steep", "unresolved", "stays"), 1)],
+)
+def test_the_first_place_that_is_steep_counts_where_no_other_decides(monkeypatch, kinds, index):
+    places = [kind and RoughPlace(Remains(kind), tick, 1e-3, 0.0, ()) for tick, kind in enumerate(kinds)]
+    answers = iter(places)
+    monkeypatch.setattr(_JumpSearch, "_look_into", lambda *_: next(answers))
+    base = slide(count=40)
+    bounds = np.full(40, 2.0 * STEP)
+    bounds[[5, 15, 25]] = 0.5 * STEP
+    search = _JumpSearch(base, LINE, 0.0)
+    look = _Look(SimpleNamespace(recording=base), LINE, bounds, resolved_step=search.resolved_step)
+    assert search.first_place_in(look) is places[index]
 
 
 class TestCorners:

@@ -213,8 +213,8 @@ class Fixed(Behind):
 def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind):
     renderer = kind()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    fine = look.closer(50, 52, 4, lag=3)
-    finest = fine.closer(3, 5, 64, lag=3)
+    fine = look.refined(50, 52, 4, lag=3)
+    finest = fine.refined(3, 5, 64, lag=3)
     for found, first, last, count in ((fine, 0.05, 0.052, 8), (finest, 0.05075, 0.05125, 128)):
         recording = found.recording
         assert len(recording) == 1 + count + 3
@@ -230,9 +230,9 @@ def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind
 def test_a_closer_look_does_not_lead_what_can_be_copied_there_again():
     renderer = Behind()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.closer(90, 92, 4, lag=3)
+    look.refined(90, 92, 4, lag=3)
     count = len(renderer.velocities)
-    look.closer(90, 92, 64, lag=3).closer(3, 5, 64, lag=3)
+    look.refined(90, 92, 64, lag=3).refined(3, 5, 64, lag=3)
     assert len(renderer.velocities) == count
 
 
@@ -253,8 +253,8 @@ def test_a_closer_look_in_one_call_is_that_of_single_steps_to_the_last_bit(name)
     found = []
     for renderer in (resolve(name)(scene), Stepped(resolve(name)(scene))):
         assert abilities_of(renderer).law is not None or abilities_of(renderer).lead or found
-        look = Closeup.of(renderer, play(renderer, path, 1e-3, scene=scene), scene).closer(200, 230, 8, lag=2)
-        found += [look.recording, look.closer(20, 22, 4, lag=2).recording]
+        look = Closeup.of(renderer, play(renderer, path, 1e-3, scene=scene), scene).refined(200, 230, 8, lag=2)
+        found += [look.recording, look.refined(20, 22, 4, lag=2).recording]
     for one, other in ((found[0], found[2]), (found[1], found[3])):
         assert np.any(one.force != 0.0)
         for channel in ("hip", "ihip", "force", "velocity"):
@@ -269,7 +269,7 @@ def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip(refused):
     renderer = Leading()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
     with refused(RendererError) as caught:
-        look.closer(60, 62, 4, lag=2)
+        look.refined(60, 62, 4, lag=2)
     assert caught.value.tick == 51
 
 
@@ -309,10 +309,10 @@ def test_a_lead_that_breaks_at_a_row_is_blamed_at_the_tick_of_that_row(refused, 
     """Fine ticks are counted on from that of the path: the 9th fine step of four a tick is beyond 52 mm."""
     renderer = kind()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.closer(10, 12, 4, lag=2)  # copies are proved to be such
+    look.refined(10, 12, 4, lag=2)  # copies are proved to be such
     monkeypatch.setattr(Counts, "bound", 0.0521)
     with refused(RendererError) as caught:
-        look.closer(50, 54, 4, lag=2)
+        look.refined(50, 54, 4, lag=2)
     assert "step()" in caught.value.what
     assert caught.value.tick == 50 + 8
     assert caught.value.hip[0] == pytest.approx(0.05225)
@@ -322,10 +322,10 @@ def test_a_lead_that_breaks_at_a_row_is_blamed_at_the_tick_of_that_row(refused, 
 def test_a_lead_that_breaks_where_steps_do_not_is_an_error_of_its_own(refused, monkeypatch, kind):
     renderer = kind()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.closer(10, 12, 4, lag=2)
+    look.refined(10, 12, 4, lag=2)
     monkeypatch.setattr(Counts, "lead_bound", 0.0521)
     with refused(RendererError) as caught:
-        look.closer(50, 54, 4, lag=2)
+        look.refined(50, 54, 4, lag=2)
     assert "lead()" in caught.value.what
     assert caught.value.why == "its step() takes the same path without an error"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.phenomena.check import Check, Closer, Runs, without_ihip
+from hapticeval.phenomena.check import Check, Refinable, Runs, without_ihip
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
     COARSENINGS,
@@ -27,7 +27,7 @@ from hapticeval.phenomena.decisions import (
     SHRINKING_SLOPE,
     STILL_STEP_SHARE,
 )
-from hapticeval.phenomena.jumps import JumpPlace, Remains, aitken, jump_at_rate, lets_go, look_closer
+from hapticeval.phenomena.jumps import Remains, RoughPlace, aitken, jump_at_rate, lets_go, look_closer
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.sampling import (
     across_allowed,
@@ -257,14 +257,16 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     return Finding(Outcome.FAIL, message, Metric("IHIP jump that only this sampling rate has", jump, "m"), allowed)
 
 
-def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scene, pieces: Boundary | None) -> Finding:
+def _judge_closely(
+    path: Refinable, refine: Callable[[int], Recording], scene: Scene, pieces: Boundary | None
+) -> Finding:
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
-    base = look.recording
+    base = path.recording
     surface_gap = standoff(base, scene)
     bounds = bounds_with_flights(base, scene, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
         bounds = with_steps_of_pieces(base, scene, bounds, pieces)
-    place = look_closer(look, scene, bounds=bounds, standoff=surface_gap)
+    place = look_closer(path, scene, bounds=bounds, standoff=surface_gap)
     if place is None:
         steps = contact_steps(base, scene)
         jump, tick = worst_step(base, scene, bounds)
@@ -302,13 +304,13 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             f"with the exponent {place.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
         return undecided(message, metric, bound, evidence)
-    confirming = [jump_at_rate(factor, look, scene, place.tick) for factor in CONFIRMING_RATES]
+    confirming = [jump_at_rate(factor, path, scene, place.tick) for factor in CONFIRMING_RATES]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
     if min(confirming) < CONFIRMED_SHARE * place.remaining:
         message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
     else:
         message = _pop_through_message(base, place.remaining, where, evidence)
-    other = _jump_without_nearest_point(look, scene, bounds, surface_gap) if base.meta.get("memory") == "none" else None
+    other = _jump_without_nearest_point(path, scene, bounds, surface_gap) if base.meta.get("memory") == "none" else None
     if other is not None and other.tick != place.tick:
         evidence |= {"unexplained_jump_m": other.remaining, "unexplained_time": float(base.time[other.tick])}
         message += (
@@ -318,16 +320,16 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
-def _jump_without_nearest_point(look: Closer, scene: Scene, bounds: Array, surface_gap: float) -> JumpPlace | None:
+def _jump_without_nearest_point(path: Refinable, scene: Scene, bounds: Array, surface_gap: float) -> RoughPlace | None:
     """Return a jump that stays and that the model's own nearest point does not make within three ticks; else None.
 
     Of several jumps a finding has the longest only. A renderer without memory may owe that one to the medial axis, and
     not the others: the longest steps of the nearest point are allowed for here, in the `bounds` (n,), m.
     """
-    base = look.recording
+    base = path.recording
     feet = scene.model.boundary.closest_point(base.hip).foot
     nearest_steps = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
-    place = look_closer(look, scene, bounds=bounds + largest_in_lag(nearest_steps), standoff=surface_gap)
+    place = look_closer(path, scene, bounds=bounds + largest_in_lag(nearest_steps), standoff=surface_gap)
     return place if place is not None and place.kind is Remains.STAYS else None
 
 
