@@ -13,7 +13,6 @@ from test_helpers_by_definition import LINE, slide
 
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.passivity import (
-    LAP,
     Gain,
     Span,
     _gain,
@@ -24,7 +23,7 @@ from hapticeval.phenomena.checks.passivity import (
 from hapticeval.phenomena.closed_paths import LapRun, SampledWork
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
 
-ALONG = "since free space"
+ALONG = Span(1, 3, "since free space")
 
 
 def sums(smooth, **more):
@@ -37,16 +36,16 @@ def sums(smooth, **more):
 class TestGain:
     """Work at a tick, a half and a quarter of it, over rows 1 to 3; what stands before is no part of it."""
 
-    def gain(self, *works, what=ALONG, stored=0.0, rounding=(0.0, 0.0, 0.0, 0.0), **finest):
+    def gain(self, *works, span=ALONG, stored=0.0, rounding=(0.0, 0.0, 0.0, 0.0), **finest):
         base = sums([5.0, 5.0, 6.0, 7.0], held=[1.0, 1.0, 3.0, 6.0])
         *coarser, last = ([7.0, 7.0, *(7.0 + np.array(work))] for work in works)
         runs = [base, *map(sums, coarser), sums(last, **finest)]
-        return _gain(runs, Span(1, 3, what), np.array(rounding), stored)
+        return _gain(runs, span, np.array(rounding), stored)
 
     def test_a_lag_of_first_order_is_taken_off(self):
         """W = 2 + 4 h in the last row, and 1 + 4 h in the one before."""
         gain = self.gain([5.0, 6.0], [3.0, 4.0], [2.0, 3.0])
-        assert (gain.first, gain.last, gain.what) == (1, 3, ALONG)
+        assert (gain.span, gain.last) == (ALONG, 3)
         assert gain.law == pytest.approx(2.0)
         assert gain.correction == gain.open == pytest.approx(1.0)
         # By the base run: held 5, by the trapezoid 2
@@ -81,11 +80,11 @@ class TestGain:
     def test_the_row_that_is_farthest_beyond_what_is_open_counts_and_the_last_where_none_is(self, stored, row):
         works = [[3.0, 1.0]] * 3
         assert self.gain(*works, stored=stored).last == row
-        assert self.gain(*works, stored=stored, what=LAP).last == 3, "a lap has one end only"
+        assert self.gain(*works, stored=stored, span=Span.of_lap(1, 3)).last == 3, "a lap has one end only"
 
     def gain_of(self, **more):
         numbers = {"hold": 0.1, "lag": 0.2, "law": 1.0, "correction": 0.1, "open": 0.3, "stored": 0.0, "crossed": 2.0}
-        return Gain(ALONG, 1, 3, **{**numbers, "effort": 0.0, **more})
+        return Gain(ALONG, 3, **{**numbers, "effort": 0.0, **more})
 
     @pytest.mark.parametrize(
         ("numbers", "tells"),
@@ -104,7 +103,7 @@ class TestGain:
     def test_the_way_that_gives_most_beyond_what_is_open_is_told(self):
         base = slide()
         small, large = self.gain_of(law=0.45, open=0.1), self.gain_of(law=0.4, open=0.0)
-        lap, unclear = replace(self.gain_of(law=0.1, open=0.0), what=LAP), self.gain_of(law=9.0, open=1.0)
+        lap, unclear = replace(self.gain_of(law=0.1, open=0.0), span=Span.of_lap(1, 3)), self.gain_of(law=9.0, open=1.0)
         finding = _judge_law(base, [small, large, lap, unclear], [small, large, lap])
         assert (finding.outcome, finding.metric.value, finding.bound) == (FAIL, 0.4, 0.0)
         assert (finding.evidence["ways"], finding.evidence["laps"]) == (3, 1)
@@ -121,15 +120,15 @@ class TestGain:
 
 def test_a_force_below_the_floor_stores_what_a_spring_does_and_a_lap_that_does_not_close_its_gap_s_work():
     base = slide(count=12)
-    assert stored_before(base, Span(2, 9, ALONG), LINE) == pytest.approx(1.0 / 2000.0)
+    assert stored_before(base, Span(2, 9, ALONG.what), LINE) == pytest.approx(1.0 / 2000.0)
     soft = changed(base, meta={"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
-    assert stored_before(soft, Span(2, 9, ALONG), LINE) == pytest.approx(1.0 / 1000.0)
+    assert stored_before(soft, Span(2, 9, ALONG.what), LINE) == pytest.approx(1.0 / 1000.0)
     force = np.array(base.force)
     for row in (2, 9):
         # 1 N at one end and 3 N at the other, over 0.7 mm.
         force[[2, 9], 1] = 1.0
         force[row, 1] = 3.0
-        assert stored_before(changed(base, force=force), Span(2, 9, LAP), LINE) == pytest.approx(3.0 * 7e-4)
+        assert stored_before(changed(base, force=force), Span.of_lap(2, 9), LINE) == pytest.approx(3.0 * 7e-4)
 
 
 def test_work_is_summed_by_the_trapezoid_and_as_held_at_the_rows_of_the_base_run():

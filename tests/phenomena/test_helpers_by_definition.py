@@ -348,7 +348,7 @@ def test_a_contact_is_spanned_from_the_free_row_before_it_to_the_next_or_the_end
     spans = [_since_free_space(free, *rows) for rows in contact_spans(free)]
     assert [span.what for span in spans] == ["from free space to free space", "since free space"]
     assert spans[0].ends.tolist() == [2, 3, 4]
-    assert Span(1, 4, "in each lap after the first").ends.tolist() == [4]
+    assert Span.of_lap(1, 4).ends.tolist() == [4]
     assert running_sums(np.array([1.0, 2.0, 4.0])).tolist() == [0.0, 1.0, 3.0, 7.0]
 
 

@@ -37,22 +37,28 @@ LAP = "in each lap after the first"
 class Span:
     """Rows [first, last] of the base recording between which the work is balanced, with words for what they are.
 
-    Nothing is stored in free space, and after a lap as much as before it.
+    Nothing is stored in free space, and after a lap, which it may be (`closes_lap`), as much as before it.
     """
 
     first: int
     last: int
     what: str
+    closes_lap: bool = False
+
+    @classmethod
+    def of_lap(cls, first: int, last: int) -> Span:
+        """Return the span of a lap after the first."""
+        return cls(first, last, LAP, closes_lap=True)
 
     @property
     def ends(self) -> IntArray:
         """Rows up to which the work may be balanced, (k,): a lap has one end only, where it closes."""
-        return np.arange(self.last if self.what == LAP else self.first + 1, self.last + 1)
+        return np.arange(self.last if self.closes_lap else self.first + 1, self.last + 1)
 
 
 @dataclass(frozen=True)
 class Gain:
-    """The work, J, that the hand has got over rows [first, last]: as the motors hold the force, and its shares.
+    """The work, J, that the hand has got over a `span` up to row `last`: as the motors hold the force, and its shares.
 
     - `hold`: what holding the force for a tick adds; `lag`: what else vanishes as the tick does.
     - `law`: the limit of fast sampling, which the force gives as a function of the hand's path.
@@ -61,8 +67,7 @@ class Gain:
     - `crossed`: all that crossed in either direction; `effort`: the force times the path.
     """
 
-    what: str
-    first: int
+    span: Span
     last: int
     hold: float
     lag: float
@@ -75,12 +80,12 @@ class Gain:
 
     @property
     def telling(self) -> bool:
-        """Whether it is known if the hand has got anything.
+        """Whether the runs are fine enough to say if the hand has got anything.
 
-        So it is where little of what crossed is open, and where refinement settles on what it has given: the error of a
-        trapezoid that has an impulse in it is not that large, but cannot be told from it.
-
-        Along a surface a rigid contact's force does no work, whatever is open of it.
+        - They are where refinement ends on no gain, even with its last correction added. What is open may be more: an
+          impulse makes the bound of a trapezoid's error larger than the error.
+        - They are where little is open of what crossed, or of the effort: along a surface a rigid contact's force does
+          no work, and little crosses.
         """
         settled = self.law + self.correction <= self.stored
         return settled or self.open <= max(TELLING_SHARE * self.crossed, RIGID_WORK_SHARE * self.effort)
@@ -104,7 +109,7 @@ def stored_before(base: Recording, span: Span, scene: Scene) -> float:
       most the largest |F| times |d|, and of a force that goes straight from one end to the other it is that at an end.
     """
     force_first, force_last = (float(np.linalg.norm(base.force[row])) for row in (span.first, span.last))
-    if span.what == LAP:
+    if span.closes_lap:
         return float(np.linalg.norm(base.hip[span.last] - base.hip[span.first])) * max(force_first, force_last)
     softest, _ = declared_range(base) or (1.0, 1.0)
     return force_first**2 / (2.0 * softest * scene.stiffness)
@@ -131,20 +136,20 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: f
     settled = fine_size <= np.maximum(SETTLING_RATIO * coarse_size, error)
     # W(0) = 2 W(T/4) - W(T/2)
     law = np.where(settled, quarter + fine_change, quarter)
-    # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
-    shrinking = np.where(fine_change < 0.0, np.inf, np.maximum(coarse_size, fine_size))
+    # Where it does not settle, a gain that grows is off by its changes. One that shrinks may end at nothing, which only
+    # finer runs show: no number bounds its correction.
+    unsettled_correction = np.where(fine_change < 0.0, np.inf, np.maximum(coarse_size, fine_size))
     # Where it settles: the last change, or half of what the limit moved by since the rates before, if that is more.
     limit_change = np.abs(fine_change - coarse_change + fine_change)
-    correction = np.where(settled, np.maximum(fine_size, 0.5 * limit_change), shrinking)
+    correction = np.where(settled, np.maximum(fine_size, 0.5 * limit_change), unsettled_correction)
     doubt = error + correction
     # The row with the largest gain beyond what is open; at the end of the span where none is.
     row = worst_row(law - doubt)
     if law[row] <= doubt[row] + stored:
         row = rows.size - 1
     return Gain(
-        span.what,
-        span.first,
-        int(rows[row]),
+        span,
+        last=int(rows[row]),
         # What a held force gives more than the trapezoid through the same rows.
         hold=float(over(base_rate.held - base_rate.smooth)[row]),
         lag=float(over(base_rate.smooth)[row] - law[row]),
@@ -159,13 +164,12 @@ def _gain(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: f
 
 @dataclass(frozen=True)
 class AtOwnRate:
-    """The work, J, that the hand gets over rows [first, last] at the scene's own rate, and how much is explained.
+    """The work, J, that the hand gets over a `span` up to row `last` at the scene's own rate, and what is explained.
 
     `explained` is what `explained_work` makes of a `lag` of the force, ticks.
     """
 
-    what: str
-    first: int
+    span: Span
     last: int
     work: float
     explained: float
@@ -229,7 +233,7 @@ def _largest_of_recent(values: Array, ticks: int) -> Array:
 
 
 def _at_own_rate(
-    base: Recording, sampled: SampledWork, scene: Scene, closed_paths: list[list[Span]]
+    base: Recording, sampled: SampledWork, scene: Scene, closed_paths: list[ClosedPath]
 ) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
@@ -247,7 +251,7 @@ def _at_own_rate(
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
         last = int(span.ends[worst_row((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
-        return AtOwnRate(span.what, span.first, last, gained, granted + stored_before(base, span, scene), lag)
+        return AtOwnRate(span, last, gained, granted + stored_before(base, span, scene), lag)
 
     gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in closed_paths]
     return max(gains, key=lambda gain: gain.excess, default=None)
@@ -274,12 +278,13 @@ def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene
         return undecided("the tool is never in contact")
     round_trips = laps(base.hip, scene.model.size)
     while True:
-        finding = _judge(base, refine, scene, partial(_find_closed_paths, round_trips=round_trips))
-        if finding.outcome is not Outcome.FAIL or finding.evidence["way"] != LAP:
+        finding, failing_span = _judge(base, refine, scene, partial(_find_closed_paths, round_trips=round_trips))
+        if failing_span is None or not failing_span.closes_lap:
             return replace(finding, message=finding.message + set_aside)
-        row = finding.evidence["tick"]
         trip = next(
-            trip for trip in round_trips if row in range(trip.first, trip.first + trip.number * trip.period + 1)
+            trip
+            for trip in round_trips
+            if failing_span.last in range(trip.first, trip.first + trip.number * trip.period + 1)
         )
         if not _spends_store(runs, trip, scene):
             return finding
@@ -287,31 +292,37 @@ def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene
         set_aside = "; laps that give are set aside: led on until what the hand had put in is spent, they give no more"
 
 
-PathSearch: TypeAlias = Callable[[BoolArray], list[list[Span]]]
-"""From where nothing touches, (n,), the paths that close; of the spans in a list the one that gives least counts."""
+ClosedPath: TypeAlias = list[Span]
+"""A path that closes: one span, or those of a round trip's laps, of which the one that gives least counts."""
+
+PathSearch: TypeAlias = Callable[[BoolArray], list[ClosedPath]]
+"""From where nothing touches, (n,), the paths that close."""
 
 
 def _since_free_space(free: BoolArray, first: int, last: int) -> Span:
     return Span(first, last, "from free space to free space" if free[last] else "since free space")
 
 
-def _find_closed_paths(free: BoolArray, round_trips: list[LapRun]) -> list[list[Span]]:
+def _find_closed_paths(free: BoolArray, round_trips: list[LapRun]) -> list[ClosedPath]:
     """Return the paths that close: from free space on, and the laps after the first in which something is touched."""
     closed_paths = [[_since_free_space(free, *rows)] for rows in contact_spans(free)]
     for trip in round_trips:
         # What one lap alone gives may have been stored; what is created comes in every lap.
-        after = [Span(first, last, LAP) for first, last in trip.later if not free[first:last].all()]
+        after = [Span.of_lap(first, last) for first, last in trip.later if not free[first:last].all()]
         if after:
             closed_paths.append(after)
     return closed_paths
 
 
-def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, find_closed_paths: PathSearch) -> Finding:
+def _judge(
+    base: Recording, refine: Callable[[int], Recording], scene: Scene, find_closed_paths: PathSearch
+) -> tuple[Finding, Span | None]:
+    """Return what the paths that close show, and over which span the hand gets work where that is a failure."""
     sampled = SampledWork(base, 1, scene)
     if not find_closed_paths(sampled.free):
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
-        )
+        ), None
     # Refined until a gain is certain, or nothing is open.
     for finest in FINER_RATES:
         gains = _gains(base, sampled, refine, scene, find_closed_paths, finest)
@@ -321,12 +332,14 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene, fi
     # First the limit of fast sampling, then what sampling at this rate may add.
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
-        return finding
+        return finding, _worst(telling).span
     gain = _at_own_rate(base, sampled, scene, find_closed_paths(sampled.free))
     if finding.outcome is Outcome.PASS and declares_wide_range(base):
         words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
-        return replace(finding, message=f"{finding.message}; {words}")
-    return finding if gain is None or gain.excess <= 0.0 else _hold_failure(base, scene, gain)
+        return replace(finding, message=f"{finding.message}; {words}"), None
+    if gain is None or gain.excess <= 0.0:
+        return finding, None
+    return _hold_failure(base, scene, gain), gain.span
 
 
 def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
@@ -341,6 +354,7 @@ def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
         return False
     work, closes = SampledWork(base, 1, scene), trip.first + trip.period
     # As a controller sums it up, which knows in each tick the force and the step before it: F[i] . (x[i] - x[i-1]).
+    # Twice the trapezoid less the rectangle of the step's begin, which is the held force's, is that of its end.
     observed = 2.0 * work.smooth - work.held
     stored, gained = observed[free[-1]] - observed[closes], observed[closes + trip.period] - observed[closes]
     if not 0.0 < stored <= MOST_LAPS * gained:
@@ -349,8 +363,14 @@ def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
     led = runs.led_on(math.ceil(stored / gained) + 2, trip.first, trip.period)
     if led.refine is None:
         return False
-    after = [[Span(len(led.base) - 1 - trip.period, len(led.base) - 1, LAP)]]
-    return _judge(led.base, led.refine, scene, lambda _: after).outcome is not Outcome.FAIL
+    after = [[Span.of_lap(len(led.base) - 1 - trip.period, len(led.base) - 1)]]
+    _, failing_span = _judge(led.base, led.refine, scene, lambda _: after)
+    return failing_span is None
+
+
+def _worst(telling: Sequence[Gain]) -> Gain:
+    """Return the gain that is farthest beyond what is open of it."""
+    return telling[worst_row(np.array([gain.excess for gain in telling]))]
 
 
 def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
@@ -358,40 +378,39 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
     untold_gains = [gain for gain in gains if not gain.telling]
-    # The gain farthest beyond what is open of it.
-    worst = telling[worst_row(np.array([gain.excess for gain in telling]))]
+    worst = _worst(telling)
     metric = CHECK.measured(worst.law)
     evidence = {
         **evidence_at(base, worst.last),
-        "from_time": float(base.time[worst.first]),
-        "way": worst.what,
+        "from_time": float(base.time[worst.span.first]),
+        "way": worst.span.what,
         "hold_J": worst.hold,
         "lag_J": worst.lag,
         "law_J": worst.law,
         "crossed_J": worst.crossed,
         "ways": len(telling),
-        "laps": sum(gain.what == LAP for gain in telling),
+        "laps": sum(gain.span.closes_lap for gain in telling),
     }
     shares = (
         f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}, and what else vanishes with the "
         f"tick {_millijoules(worst.lag)}"
     )
     if worst.excess > 0.0:
-        where = mm(*base.hip[worst.first : worst.last].mean(axis=0))
+        where = mm(*base.hip[worst.span.first : worst.last].mean(axis=0))
         message = (
-            f"creates energy: {worst.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
+            f"creates energy: {worst.span.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
             f"{_millijoules(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
         )
         return Finding(Outcome.FAIL, message, metric, worst.granted, evidence)
     if untold_gains:
         largest = max(untold_gains, key=lambda gain: gain.law)
         message = (
-            f"refinement does not settle {len(untold_gains)} of {len(gains)} ways, as {largest.what} from "
-            f"t = {base.time[largest.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
+            f"refinement does not settle {len(untold_gains)} of {len(gains)} ways, as {largest.span.what} from "
+            f"t = {base.time[largest.span.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
             "energy"
         )
         return undecided(message, metric, worst.granted, evidence)
-    message = f"the hand gets back no more than it put in; {worst.what} {shares}"
+    message = f"the hand gets back no more than it put in; {worst.span.what} {shares}"
     return Finding(Outcome.PASS, message, metric, worst.granted, evidence)
 
 
@@ -425,17 +444,18 @@ def _gains(
 
 def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
     """Return the failure of a renderer whose law creates nothing, and that gives more than a held spring does."""
-    where = mm(*base.hip[gain.first : gain.last].mean(axis=0))
+    where = mm(*base.hip[gain.span.first : gain.last].mean(axis=0))
     lag_shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
     message = (
-        f"creates energy at {1e3 * base.dt:.3g} ms: {gain.what}, round {where} until t = {base.time[gain.last]:.4g} s, "
-        f"the hand gets {_millijoules(gain.work)}, of which a spring of {scene.stiffness:g} N/m that is held for a "
-        f"tick, with {lag_shown}, explains {_millijoules(gain.explained)}; it is less the faster the loop is sampled"
+        f"creates energy at {1e3 * base.dt:.3g} ms: {gain.span.what}, round {where} until "
+        f"t = {base.time[gain.last]:.4g} s, the hand gets {_millijoules(gain.work)}, of which a spring of "
+        f"{scene.stiffness:g} N/m that is held for a tick, with {lag_shown}, explains {_millijoules(gain.explained)}; "
+        "it is less the faster the loop is sampled"
     )
     evidence = {
         **evidence_at(base, gain.last),
-        "from_time": float(base.time[gain.first]),
-        "way": gain.what,
+        "from_time": float(base.time[gain.span.first]),
+        "way": gain.span.what,
         "held_J": gain.work,
         "explained_J": gain.explained,
         "lag_ticks": gain.lag,
