@@ -22,7 +22,7 @@ from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
 from hapticeval.runner.resuming import Outcomes
-from hapticeval.runner.work import Work, carry_out, derived_seed, outcome_of_ended, outcome_of_overdue, run_job
+from hapticeval.runner.work import Work, carry_out, derived_seed, finished_by_end, finished_by_timeout, run_job
 from hapticeval.suite.suite import files_of
 from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
 
@@ -211,10 +211,12 @@ def _crew(work: Work, plan: Plan) -> Crew[JobAndFile]:
     options = plan.options
     if options.scheduler is None:
         workers = default_workers() if options.workers is None else options.workers
-        return crew_of(partial(carry_out, work, afar=False), workers)
+        return crew_of(partial(carry_out, work, shares_folder=True), workers)
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return crew_of(partial(carry_out, work, afar=True), 0, options.scheduler, timeout=options.timeout, files=files)
+    return crew_of(
+        partial(carry_out, work, shares_folder=False), 0, options.scheduler, timeout=options.timeout, files=files
+    )
 
 
 def crew_of(
@@ -243,9 +245,9 @@ def crew_of(
 def _finished_job(answer: Answer[JobAndFile], job: Job, options: RunOptions) -> JobFinished:
     """Return what came of a job, from its answer, with its recording put into the result folder."""
     if isinstance(answer.error, Ended):
-        return outcome_of_ended(job, answer.error)
+        return finished_by_end(job, answer.error)
     if isinstance(answer.error, Overdue):
-        return outcome_of_overdue(job, options.timeout, answer.error)
+        return finished_by_timeout(job, options.timeout, answer.error)
     # What a renderer does wrong is in its verdicts: this is a fault of the framework.
     if answer.error is not None:
         raise answer.error

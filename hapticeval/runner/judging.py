@@ -70,16 +70,22 @@ class Judged:
 
 OF_ANY = ("pieces", "refine", "again", "moved")
 OF_LOOPS = ("at_speed", "law")
+OF_EXACT_LOOPS = ("without",)
 OF_PATHS = ("reverse", "look", "without", "reordered", "cut", "in_turns")
 OF_TICKS = ("subdivided", "led_on", "dropped_out")
-"""Siblings by what they can be made of: any stimulus, a closed loop, a given path, and one that is answered in ticks.
+"""Siblings by what they can be made of: any stimulus, a closed loop, one whose recorded HIPs ask the renderer the same
+again (`_answers_the_hip`), a given path, and one that is answered in ticks.
 
-`_RunFactory` has each by its name. A closed loop cannot be led backwards: its forces decide where the hand goes.
+`_SiblingRuns` has each by its name. A closed loop cannot be led backwards: its forces decide where the hand goes.
 """
 
 
-class _RunFactory:
-    """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
+class _SiblingRuns:
+    """Makes recordings of one renderer in one scene, and counts the seconds that it simulates.
+
+    `runs` records the `base` first. Siblings are made after it, and follow its `stimulus`, or so much of that as the
+    base has answered.
+    """
 
     base: Recording
 
@@ -95,10 +101,22 @@ class _RunFactory:
 
     def record(self, stimulus: Stimulus, dt: float, *, lead: Callable[..., Recording] = play) -> Recording:
         """Record what the renderer answers in steps of `dt` (s): along a path by `lead`, to an experiment in a loop."""
+        return self._record(self.renderer, self.scene, stimulus, dt, lead=lead)
+
+    def _record(
+        self,
+        renderer: Renderer | TrajectoryRenderer,
+        scene: Scene,
+        stimulus: Stimulus,
+        dt: float,
+        *,
+        lead: Callable[..., Recording] = play,
+    ) -> Recording:
+        """Record as `record` does, with any renderer in any scene."""
         if isinstance(stimulus, Path):
-            recording = lead(self.renderer, stimulus, dt, scene=self.scene)
+            recording = lead(renderer, stimulus, dt, scene=scene)
         else:
-            recording = simulate_closed_loop(self.renderer, stimulus, self.scene, dt)
+            recording = simulate_closed_loop(renderer, stimulus, scene, dt)
         self.simulated += len(recording) * dt
         return recording
 
@@ -113,8 +131,7 @@ class _RunFactory:
             self.stimulus = Path(base.time, base.hip)
         names = list(OF_ANY)
         if isinstance(self.stimulus, Experiment):
-            # Only then does a path of the recorded HIPs ask the renderer the same again.
-            names += [*OF_LOOPS, *(["without"] if _answers_the_hip(self.scene) else [])]
+            names += [*OF_LOOPS, *(OF_EXACT_LOOPS if _answers_the_hip(self.scene) else ())]
         else:
             names += [*OF_PATHS, *(OF_TICKS if isinstance(self.renderer, Renderer) else ())]
         siblings: dict[str, Any] = {name: getattr(self, name) for name in names}
@@ -245,13 +262,9 @@ class _RunFactory:
     def _played(self, renderer: Renderer | TrajectoryRenderer, scene: Scene, stimulus: Stimulus) -> Recording | None:
         """Return what a renderer answers to a stimulus; None where it refuses, or ends an experiment early."""
         try:
-            if isinstance(stimulus, Path):
-                recording = play(renderer, stimulus, scene.sampling_time, scene=scene)
-            else:
-                recording = simulate_closed_loop(renderer, stimulus, scene, scene.sampling_time)
+            recording = self._record(renderer, scene, stimulus, scene.sampling_time)
         except RefusalError:
             return None
-        self.simulated += len(recording) * scene.sampling_time
         # An experiment that ended early is not comparable with the base recording.
         return None if "ended" in recording.meta else recording
 
@@ -269,9 +282,7 @@ class _RunFactory:
         """Record a path with a renderer of its own, made for the scene without an effect; see `Runs.without`."""
         scene = self.scene.without(kind)
         path = self.stimulus if isinstance(self.stimulus, Path) else Path(self.base.time, self.base.hip)
-        recording = play(make_renderer(self.factory, scene), path, scene.sampling_time, scene=scene)
-        self.simulated += len(recording) * scene.sampling_time
-        return recording
+        return self._record(make_renderer(self.factory, scene), scene, path, scene.sampling_time)
 
 
 def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str | None:
@@ -334,13 +345,15 @@ class Recorded:
 def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
     """Judge the renderer that `factory` makes by every check of `case`.
 
-    A renderer that breaks gives verdicts `error`, and so does a check that does: the others go on.
+    A check that breaks gives a verdict `error`, and the others go on. A renderer that breaks gives one of each check
+    that is not judged by then: of all, where it breaks in the base run, and else from the check on that asked for the
+    sibling in which it does.
     """
 
     def record(scene: Scene) -> Recorded:
-        bench = _RunFactory(factory, scene, case, renderer)
-        runs = bench.runs()
-        return Recorded(runs.base, (runs,), simulated=lambda: bench.simulated, step_seconds=bench.step_seconds)
+        siblings = _SiblingRuns(factory, scene, case, renderer)
+        runs = siblings.runs()
+        return Recorded(runs.base, (runs,), simulated=lambda: siblings.simulated, step_seconds=siblings.step_seconds)
 
     return judge_recorded(record, lambda findings: findings[0], renderer, suite, case)
 
@@ -380,22 +393,23 @@ def judge_recorded(
     declared = {} if recorded is None else recorded.recording.meta
     return Judged(
         _verdicts(findings, renderer, suite, case, declared),
-        None if recorded is None else recorded.recording,
-        error,
-        refusal,
-        0.0 if recorded is None else recorded.simulated(),
-        time.perf_counter() - started,
-        ended,
-        None if recorded is None else recorded.replay,
-        None if recorded is None else next((runs.law for runs in recorded.runs), None),
-        None if recorded is None else recorded.step_seconds,
+        recording=None if recorded is None else recorded.recording,
+        error=error,
+        refusal=refusal,
+        simulated_seconds=0.0 if recorded is None else recorded.simulated(),
+        wall_seconds=time.perf_counter() - started,
+        ended=ended,
+        replay=None if recorded is None else recorded.replay,
+        closed_form=None if recorded is None else next((runs.law for runs in recorded.runs), None),
+        step_seconds=None if recorded is None else recorded.step_seconds,
     )
 
 
 def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """Return what came of a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
-    return Judged(_verdicts(findings, renderer, suite, case, {}), None, error, None, 0.0, 0.0)
+    verdicts = _verdicts(findings, renderer, suite, case, {})
+    return Judged(verdicts, recording=None, error=error, refusal=None, simulated_seconds=0.0, wall_seconds=0.0)
 
 
 def _error_finding(error: HapticevalError) -> Finding:

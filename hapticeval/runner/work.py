@@ -83,6 +83,8 @@ def store_recording(judged: Judged, job: Job, directory: Path | None) -> JudgedJ
 def _labelled(recording: Recording, job: Job) -> Recording:
     """Return the recording with what it takes to render it again: renderer, model and scene."""
     case = job.case
+    # Of the scene first its numbers and effects, over them what else the case's table says, as it is written there, and
+    # over all the model as the case names it.
     origin = {
         "renderer": job.renderer,
         "suite": job.suite,
@@ -117,18 +119,19 @@ def scene_document(scene: Scene) -> Mapping[str, Any]:
 
 
 def carry_out(
-    work: Work, job: Job, directory: Path | None, seed: int, *, afar: bool
+    work: Work, job: Job, directory: Path | None, seed: int, *, shares_folder: bool
 ) -> tuple[JobFinished, bytes | None]:
     """Do a job; its recording is in the result folder afterwards.
 
-    A machine `afar` may not see that folder: from there the recording's file travels along, as bytes.
+    A machine elsewhere may not see that folder (`shares_folder`): from there the recording's file travels along, as
+    bytes.
     """
     with _warnings_collected() as text_by_place:
-        judged, file = work(job, None if afar else directory, seed)
-    if not afar or directory is None or judged.recording is None:
-        return outcome_of(job, judged, file, text_by_place), None
+        judged, file = work(job, directory if shares_folder else None, seed)
+    if shares_folder or directory is None or judged.recording is None:
+        return finished(job, judged, file, text_by_place), None
     content = recording_bytes(judged.recording)
-    return outcome_of(job, replace(judged, recording=None), recording_file(job), text_by_place), content
+    return finished(job, replace(judged, recording=None), recording_file(job), text_by_place), content
 
 
 @contextmanager
@@ -158,7 +161,7 @@ def _warnings_collected() -> Iterator[Mapping[str, str]]:
         warnings.showwarning = before
 
 
-def outcome_of(
+def finished(
     job: Job, judged: Judged, file: Path | None, text_by_place: Mapping[str, str] = MappingProxyType({})
 ) -> JobFinished:
     """Return the entries of a judged job, its recording where no file keeps it, and its warnings' text by place."""
@@ -168,8 +171,8 @@ def outcome_of(
     )  # fmt: skip
 
 
-def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
-    """Return the outcome of a job whose process ended without an answer: errors, of a renderer that is broken."""
+def finished_by_end(job: Job, how: EndedProcess) -> JobFinished:
+    """Return a job whose process ended without an answer as finished, by errors of a renderer that is broken."""
     # From outside, in each of TRIES processes: no crash of the renderer's own.
     if how.killed:
         error = RendererError(
@@ -188,11 +191,11 @@ def outcome_of_ended(job: Job, how: EndedProcess) -> JobFinished:
             why=f"a crash in compiled code, os._exit(), or memory that ran out{place and f': it was {place}'}",
             todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
         )
-    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+    return finished(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
 
 
-def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
-    """Return the outcome of a job that took longer than so many seconds and was ended: errors."""
+def finished_by_timeout(job: Job, seconds: float, how: Overdue) -> JobFinished:
+    """Return a job that took longer than so many seconds and was ended as finished, by errors."""
     tick, hip = how.pending_step or (None, None)
     place = place_in_stack(how.stack)
     error = RendererError(
@@ -202,7 +205,7 @@ def outcome_of_overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
         why=f"it hangs, or takes longer than --timeout{place and f': it was {place}'}",
         todo=f"give it more time with --timeout, or {_alone(job)}",
     )
-    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+    return finished(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
 
 
 def _alone(job: Job) -> str:

@@ -21,7 +21,7 @@ from hapticeval.runner.judging import (
     _end_of,
     _finding,
     _ran_away,
-    _RunFactory,
+    _SiblingRuns,
     _verdicts,
     _with_region,
     error_verdicts,
@@ -50,10 +50,10 @@ class Asked(Spring):
 
 
 @pytest.fixture
-def bench():
+def siblings():
     Asked.asked = []
     scene = PRESS.build_scene()
-    return _RunFactory(Asked, scene, PRESS, "asked")
+    return _SiblingRuns(Asked, scene, PRESS, "asked")
 
 
 def asked_last():
@@ -62,41 +62,41 @@ def asked_last():
 
 
 class TestOfAPath:
-    def test_the_base_is_the_path_at_the_scene_s_rate_and_all_seconds_are_counted(self, bench):
-        runs = bench.runs()
-        times, hips = bench.stimulus.sampled(DT)
+    def test_the_base_is_the_path_at_the_scene_s_rate_and_all_seconds_are_counted(self, siblings):
+        runs = siblings.runs()
+        times, hips = siblings.stimulus.sampled(DT)
         np.testing.assert_array_equal(runs.base.hip, hips)
-        assert bench.simulated == pytest.approx(times.size * DT)
+        assert siblings.simulated == pytest.approx(times.size * DT)
         fine = runs.refine(4)
         assert len(fine) == 4 * (times.size - 1) + 1
         np.testing.assert_allclose(fine.hip[::4], hips, atol=1e-15)
         assert fine.dt == pytest.approx(DT / 4)
-        assert bench.simulated == pytest.approx(times.size * DT + len(fine) * DT / 4)
+        assert siblings.simulated == pytest.approx(times.size * DT + len(fine) * DT / 4)
         assert runs.refine(4) is fine, "made once"
 
-    def test_the_way_back_has_the_very_same_hips(self, bench):
-        runs = bench.runs()
+    def test_the_way_back_has_the_very_same_hips(self, siblings):
+        runs = siblings.runs()
         np.testing.assert_array_equal(runs.reverse().hip, runs.base.hip[::-1])
         np.testing.assert_array_equal(runs.reverse().time, runs.base.time)
         np.testing.assert_array_equal(runs.again().force, runs.base.force)
 
-    def test_a_subdivided_path_has_another_hip_half_way(self, bench):
-        runs = bench.runs()
+    def test_a_subdivided_path_has_another_hip_half_way(self, siblings):
+        runs = siblings.runs()
         twice = runs.subdivided()
         np.testing.assert_array_equal(twice.hip[::2], runs.base.hip)
         np.testing.assert_array_equal(twice.hip[1::2], 0.5 * (runs.base.hip[1:] + runs.base.hip[:-1]))
         np.testing.assert_allclose(np.diff(twice.time), DT / 2)
 
-    def test_a_path_is_led_on_by_laps(self, bench):
-        runs = bench.runs()
+    def test_a_path_is_led_on_by_laps(self, siblings):
+        runs = siblings.runs()
         longer = runs.led_on(3, 10, 4)
         hips = runs.base.hip
         np.testing.assert_array_equal(longer.base.hip, np.concatenate([hips[:11], *[hips[11:15]] * 3]))
         assert longer.base.time[-1] == pytest.approx((len(longer.base) - 1) * DT)
         assert longer.refine(2).dt == pytest.approx(DT / 2)
 
-    def test_a_dropped_hip_is_asked_for_after_the_ticks_before_it(self, bench):
-        runs = bench.runs()
+    def test_a_dropped_hip_is_asked_for_after_the_ticks_before_it(self, siblings):
+        runs = siblings.runs()
         lost, next_force = runs.dropped_out(20)
         hips, _ = asked_last()
         np.testing.assert_array_equal(hips[-22:-2], runs.base.hip[:20])
@@ -110,8 +110,8 @@ class TestOfAPath:
         [scaling(2.0, 2), rigid_motion(0.3, [0.1, -0.05]), scaling(0.5, 2)],
         ids=["larger", "turned", "smaller"],
     )
-    def test_a_moved_scene_is_moved_back(self, bench, motion):
-        runs = bench.runs()
+    def test_a_moved_scene_is_moved_back(self, siblings, motion):
+        runs = siblings.runs()
         moved = runs.moved(motion, (0.0, 0.0))
         np.testing.assert_allclose(moved.hip, runs.base.hip, atol=1e-14)
         np.testing.assert_allclose(moved.ihip, runs.base.ihip, atol=1e-14)
@@ -120,24 +120,24 @@ class TestOfAPath:
         np.testing.assert_allclose(hips[-len(moved) :], motion(runs.base.hip), atol=1e-14)
         nudged = runs.moved(motion, (1e-3, 0.0))
         np.testing.assert_allclose(nudged.hip, runs.base.hip + np.array([1e-3, 0.0]), atol=1e-14)
-        before = bench.simulated
+        before = siblings.simulated
         runs.moved(motion, (2e-3, 0.0))
-        assert bench.simulated == pytest.approx(before + len(moved) * DT)
+        assert siblings.simulated == pytest.approx(before + len(moved) * DT)
 
     def test_what_is_declared_in_metres_shrinks_with_the_scene(self):
         class Declaring(Spring):
             resolution, standoff = 2e-3, 1e-3
 
-        runs = _RunFactory(Declaring, PRESS.build_scene(), PRESS, "declares").runs()
+        runs = _SiblingRuns(Declaring, PRESS.build_scene(), PRESS, "declares").runs()
         meta = runs.moved(scaling(4.0, 2), (0.0, 0.0)).meta
         assert (meta["resolution"], meta["standoff"]) == (pytest.approx(0.5e-3), pytest.approx(0.25e-3))
 
-    def test_a_renderer_that_shares_nothing_answers_in_turns_as_alone(self, bench):
-        runs = bench.runs()
-        before = bench.simulated
+    def test_a_renderer_that_shares_nothing_answers_in_turns_as_alone(self, siblings):
+        runs = siblings.runs()
+        before = siblings.simulated
         turns = runs.in_turns()
         np.testing.assert_array_equal(turns.force, runs.base.force)
-        assert bench.simulated == pytest.approx(before + 2.0 * len(turns) * DT)
+        assert siblings.simulated == pytest.approx(before + 2.0 * len(turns) * DT)
 
 
 FILTER, VISCOSITY = {"kind": "velocity-filter", "cutoff": 100.0}, {"kind": "viscosity", "coefficient": 1.0}
