@@ -2,6 +2,19 @@
 
 Compiling all kernels takes longer than most runs. So each is compiled once: for one type of its arguments, see
 `for_kernels`, and by one process, see `compiled`.
+
+How a function is compiled:
+
+- `compiled`: it makes arrays of its own.
+- `borrowing`: it makes none, and counts no references to those that it is given.
+- `inner`: like `borrowing`, and a part of each kernel that calls it: what is short, or left out for an argument None.
+- `compiled_once`: at its first use and not where it is defined, in a module that is imported without numba.
+
+How compiled code gets at another function:
+
+- By its name: it is compiled for that one.
+- By `first_class` as an argument, and for a renderer's law by `law_value`: it is compiled once for all of a signature.
+- Python calls a kernel in each tick by `specialised`: the types of its arguments are not looked up again.
 """
 
 from __future__ import annotations
@@ -94,9 +107,9 @@ def law_data(
     """Return what a law works on, of the type that `LAW` asks for, from what a renderer has.
 
     `params` (k,) are its numbers; the tables are (rows, columns) with lengths in m, see `LawData`; `state` is the size
-    of the state, all zeros. Tables that have the type already are shared: a mesh has many megabytes of them.
+    of the state, all zeros. Tables that have the type already are shared, for a mesh has many megabytes of them; the
+    few numbers are copied.
     """
-    # Tables are shared where they have the type already; the few numbers are copied.
     tables = (for_kernels(np.asarray(table, dtype=np.float64)) for table in (segments, joints, lookup, vertices, tree))
     return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
@@ -237,6 +250,7 @@ def as_record(numbers: Array, record: np.dtype[Any], at: int = 0) -> Any:
 
     A kernel takes it of arrays that it is given: one of its own may be gone before the record, which does not hold it.
     """
+    # Its numbers in a row, as one record, whose fields are attributes.
     return numbers[at:].reshape(-1)[: room_for(record)].view(record).view(np.recarray)[0]
 
 
@@ -293,7 +307,10 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a plain function of a module that is imported without numba; the same for every caller."""
+    """Compile a plain function as `compiled` does, at its first use: its module is imported without numba.
+
+    `compiled` decorates a function where it is defined. Here every caller gets the same kernel.
+    """
     return compiled(function)
 
 
@@ -322,11 +339,19 @@ def _cached_in(folder: Path) -> Iterator[None]:
 
 
 def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[P, R]:
+    """Return the kernel of a function, which Python calls, with a second one for the kernels that call it by its name.
+
+    The second, `called`, is without numba's ways in from Python and from C, which are a third of the work of compiling.
+    Each has a cache of its own.
+
+    Numba asks a kernel twice for what another one calls: `get_call_template` types the call, `get_overload` gives the
+    code. Both are replaced, so that they answer from `called`; and from the kernel itself for types with which Python
+    has called it already.
+    """
     folder = folder_of(function.__module__)
     kernel = _dispatcher(function, folder, **options)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
-    # Other kernels call code without the ways in from Python and from C, which are a third of the work of compiling.
     called = _dispatcher(
         function,
         folder / "called",
@@ -341,7 +366,6 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
     plain_type: Any = types.unliteral
     types_in: Any = normalize_signature
 
-    # Numba asks twice for what a kernel calls: to type the call, and then for the code.
     def call_template(arguments: Any, keywords: Any) -> Any:
         # a constant has a type of its own, for which the kernel would be compiled once more
         arguments = tuple(map(plain_type, arguments))
@@ -360,7 +384,10 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
 
 
 class _LinkedLibrary(JITCodeLibrary):
-    """The code of a kernel that others call: it becomes a part of theirs, so no machine code is made of it alone."""
+    """The code of a kernel that others call: it becomes a part of theirs, so no machine code is made of it alone.
+
+    Numba makes machine code of each such kernel too, which nothing runs.
+    """
 
     def _optimize_final_module(self) -> None:
         # The first of numba's two rounds: who calls it has both run over all that it is linked with.

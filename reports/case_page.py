@@ -20,15 +20,13 @@ from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.canvas import Look, looks_of
 from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
 from hapticeval.reports.case_figure import (
     Panel,
     Place,
-    atlas_svg,
     case_panels,
-    charts_words,
-    has_charts,
     panels_svg,
     plane_svg,
 )

@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_figure import atlas_svg, charts_words, has_charts
+from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
