@@ -73,23 +73,25 @@ def follow(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    b, params, state, tool = outline_in(data), data.params, data.state, as_record(data.state, PROXY)
+    outline, params, state, tool = outline_in(data), data.params, data.state, as_record(data.state, PROXY)
     x, y = hip[0], hip[1]
     touches, piece, u = tool.touches != 0.0, int(tool.piece), tool.u
     status = LEAVES
     if touches:  # downhill in distance, from where the tool is
-        status, piece, u = slide(b.pieces, b.joints, as_record(params, GAINS).bilateral == 0.0, piece, u, x, y)
+        status, piece, u = slide(
+            outline.pieces, outline.joints, as_record(params, GAINS).bilateral == 0.0, piece, u, x, y
+        )
     if status == LEAVES:  # free, or released just now: straight to the hand
         x0, y0 = tool.hip[0], tool.hip[1]
         if touches:
-            x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
-        touches, piece, u = _fly(b, touches, x0, y0, x, y)
+            x0, y0, _, _, _, _ = evaluate_at(outline.pieces, piece, u)
+        touches, piece, u = _fly(outline, touches, x0, y0, x, y)
         tool.touches = 1.0 if touches else 0.0
     # the next tick goes on from here
     tool.piece, tool.u, tool.hip[0], tool.hip[1] = piece, u, x, y
     if not touches:
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(b.pieces, b.joints, piece, u, x, y)
+    ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(outline.pieces, outline.joints, piece, u, x, y)
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
 
 
@@ -109,23 +111,23 @@ def follow_rows(
 
 
 @borrowing
-def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -> tuple[bool, int, float]:
+def _fly(outline: Outline, released: bool, x0: float, y0: float, x: float, y: float) -> tuple[bool, int, float]:
     """Straight to the hand at (x, y) from (x0, y0), where the tool was `released` from the surface or is free.
 
     Returns whether the tool runs into something on the way, and the (piece, u) at which it then comes to rest.
     """
     for _flight in range(FLIGHTS):
-        touches, piece, u = first_contact(b, x0, y0, x, y, released)
+        touches, piece, u = first_contact(outline, x0, y0, x, y, released)
         if not touches:
             return False, piece, u
         # a new contact: slide on from there, and off again where a corner lets it
-        status, piece, u = slide(b.pieces, b.joints, True, piece, u, x, y)
+        status, piece, u = slide(outline.pieces, outline.joints, True, piece, u, x, y)
         if status != LEAVES:
             return True, piece, u
         released = True
-        x0, y0, _, _, _, _ = evaluate_at(b.pieces, piece, u)
+        x0, y0, _, _, _, _ = evaluate_at(outline.pieces, piece, u)
     # in a fold that throws it to and fro the side of the hand decides
-    piece, u, _, side = nearest_on(b, x, y)
+    piece, u, _, side = nearest_on(outline, x, y)
     return side < 0.0, piece, u
 
 

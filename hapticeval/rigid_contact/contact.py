@@ -26,7 +26,14 @@ from hapticeval.types import Array, IntArray
 ON_BOUNDARY = 1e-9
 """Distance (m) from the boundary up to which a start counts as being on it: coordinates have nine digits or so."""
 
+FIRST_EVENTS, MORE_EVENTS = 256, 8
+"""Events that there is room for in a first run, and how many times as many in each one after it."""
+
 MOST_CONTACT_EVENTS = 4_000_000
+"""Room for events from which on a run that needs more is given up."""
+
+KNOT_ROUNDING = 1e-9
+"""Share of a sample up to which a knot of the stimulus counts as being on it."""
 
 
 class Ground(Protocol):
@@ -51,13 +58,13 @@ class Ground(Protocol):
         """Carry the tool from a state through all stretches; both `start` and `gains` are changed.
 
         `start` is a state of this ground. `gains` (k,) are the numbers of a `LOAD`, its constants filled in. Returns
-        four things:
+        `samples`, `events`, `count` and `given_up_at`:
 
-        - The first are samples (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that
-          very time, then the contact's and the operator's impulse (N s) until the next.
-        - The second are events (k, 2 + 2 N): time (s), number in `EVENT_KINDS`, position (m) and impulse (N s).
-        - The third is the number of events. Those above `limit` are not kept; they end the run.
-        - The last is empty, or the time (s) and place (m), (1 + N,), at which the run was given up:
+        - `samples` (rows, 4 N): position (m) and velocity (m/s) at each sample, before an impact at that very time,
+          then the contact's and the operator's impulse (N s) until the next.
+        - `events` (k, 2 + 2 N): time (s), number in `EVENT_KINDS`, position (m) and impulse (N s).
+        - `count` of events. Those above `limit` are not kept; they end the run.
+        - `given_up_at`, empty, or the time (s) and place (m), (1 + N,), at which the run was given up:
           `MOST_SAMPLE_STEPS`.
         """
 
@@ -117,7 +124,7 @@ class IdealContact:
                 todo="project a path in space onto a plane model; give one in the plane a third coordinate",
             )
         gains = self._gains_without_hand()
-        load = as_record(gains, LOAD)
+        load = as_record(gains, LOAD)  # the same numbers, by name: what is written below is for `carry`
         if isinstance(stimulus, Path):
             load.spring = self.scene.stiffness
             # critical damping: 2 sqrt(k m)
@@ -200,7 +207,7 @@ class IdealContact:
 
         Raises `RefusalError`, with time and place, where one sample takes more than `MOST_SAMPLE_STEPS` steps.
         """
-        limit = 256
+        limit = FIRST_EVENTS
         while True:
             out, log, count, given_up_at = self._ground.carry(start.copy(), stretches, gains.copy(), rows, limit)
             if given_up_at.size:
@@ -221,7 +228,7 @@ class IdealContact:
                     todo="shorten the run, or choose a restitution further below 1",
                 )
             # run again with a longer log
-            limit *= 8
+            limit *= MORE_EVENTS
         return out, [
             {
                 "time": row[0],
@@ -283,7 +290,7 @@ def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Ar
     end = time[-1] + dt
     steps = knots / dt
     # knots that fall on samples, to rounding, cut nothing
-    between = knots[(knots > 0.0) & (knots < end) & (np.abs(steps - np.round(steps)) > 1e-9)]
+    between = knots[(knots > 0.0) & (knots < end) & (np.abs(steps - np.round(steps)) > KNOT_ROUNDING)]
     cuts = np.union1d(np.append(time, end), between)
     began, lasts = cuts[:-1], np.diff(cuts)
     samples = np.searchsorted(time, began, side="right") - 1

@@ -268,7 +268,7 @@ def _with_points(case: Case, points: Array) -> Case:
         seconds = move.seconds
         # The same speed on the new way: t' = t |new_end - new_start| / |old_end - old_start|.
         if move.even and math.dist(old_start, old_end) > 0.0 and math.dist(new_start, new_end) > 0.0:
-            seconds = _whole_ticks(seconds * math.dist(new_start, new_end) / math.dist(old_start, old_end))
+            seconds = _whole_milliseconds(seconds * math.dist(new_start, new_end) / math.dist(old_start, old_end))
         moves_along.append(replace(move, to=_rounded_point(new_end), seconds=seconds))
     return _with_moves(case, replace(moves, start=_rounded_point(points[0]), moves=tuple(moves_along)))
 
@@ -278,7 +278,7 @@ def _rounded_point(point: Array) -> list[float]:
     return [round(float(x), 9) + 0.0 for x in point]
 
 
-def _whole_ticks(seconds: float) -> float:
+def _whole_milliseconds(seconds: float) -> float:
     """Return a duration in whole milliseconds, two at least."""
     return max(round(seconds, 3), 2e-3)
 
@@ -319,7 +319,7 @@ def _even_moves(case: Case) -> Iterator[Case]:
             replace(
                 move,
                 even=True,
-                seconds=move.seconds if speed is None or length == 0.0 else _whole_ticks(length / speed),
+                seconds=move.seconds if speed is None or length == 0.0 else _whole_milliseconds(length / speed),
             )
             for move, length in zip(moves.moves, lengths.tolist(), strict=True)
         )
@@ -378,7 +378,7 @@ def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
         return
     for speed in speeds:
         timed_moves = tuple(
-            replace(move, seconds=_whole_ticks(length / speed)) if length else move
+            replace(move, seconds=_whole_milliseconds(length / speed)) if length else move
             for move, length in zip(moves.moves, lengths, strict=True)
         )
         # It has this speed already, and those after it are no rounder.
@@ -426,7 +426,7 @@ def _less_push(case: Case) -> Iterator[Case]:
     assert push is not None
     rows = push.force or []
     for share in (0.25, 0.5, 0.75):
-        if (duration := _whole_ticks(share * push.duration)) < push.duration:
+        if (duration := _whole_milliseconds(share * push.duration)) < push.duration:
             yield replace(case, experiment=replace(push, duration=duration))
     if rows:
         yield replace(case, experiment=replace(push, force=None))
@@ -435,12 +435,10 @@ def _less_push(case: Case) -> Iterator[Case]:
             yield replace(case, experiment=replace(push, force=rows[:index] + rows[index + 1 :]))
     # To 0.1, 0.01, 0.001 m/s, to a hundredth of that in metres, and to 1, 0.1, 0.01 N.
     for digits in (1, 2, 3):
-        for name in ("velocity", "position"):
+        for name, finer_digits in (("velocity", 0), ("position", 2)):
             values: Sequence[float] | None = getattr(push, name)
             if values is not None:
-                rounded_entry: dict[str, Any] = {
-                    name: [round(x, digits + 2 * (name == "position")) + 0.0 for x in values]
-                }
+                rounded_entry: dict[str, Any] = {name: [round(x, digits + finer_digits) + 0.0 for x in values]}
                 if rounded_entry[name] != values:
                     yield replace(case, experiment=replace(push, **rounded_entry))
         rounded = [[row[0], *(round(x, digits - 1) + 0.0 for x in row[1:])] for row in rows]

@@ -2,7 +2,7 @@
 
 A value that does not change is no fault by itself, as nothing may have happened. So each column is held against the
 travel of the hand: a live sensor changes its reading every so many metres, and one that keeps a value over a travel in
-which it otherwise changes many times is frozen. What keeps its value by nature is left alone:
+which it otherwise changes many times is stuck. What keeps its value by nature is left alone:
 
 - zero force in free motion, and the reading that a coarse converter has there;
 - a limit that is reached again and again;
@@ -24,15 +24,40 @@ from hapticeval.recordings.recording import Column, Recording, columns_of, runs_
 from hapticeval.recordings.stretches import stretches
 from hapticeval.types import Array, BoolArray
 
-STUCK_ROWS = 10  # so many equal values in a row may be a frozen sensor, where the value jumps when it wakes
-CLIPPED_ROWS = 5  # so many equal values at the extreme of a column, reached at speed, are clipped
-NEIGHBOURING_STEPS = 8  # steps on either side of a jump, all of which it exceeds by SPIKE_DEVIATIONS times
-SPIKE_DEVIATIONS = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
-BEND_TIMES = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
-RARE_ROWS = 8  # at least so many rows not counted, as a spike bends three,
-SPIKE_QUANTA = 6.0  # and is so many quanta high: an encoder at rest dithers by one; a jump also so many usual steps
-# Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved.
+STUCK_ROWS = 10
+"""Equal values in a row that may be a stuck sensor, where the value jumps when it wakes."""
+
+WAKING_TIMES = 4.0
+"""The jump on waking is larger than so many of the steps beside it, and than so many quanta."""
+
+CLIPPED_ROWS = 5
+"""Equal values in a row, at the extreme of a column and reached at speed, that are clipped."""
+
+CLIPPED_QUANTA = 3.0
+"""A signal at speed changes by more than so many quanta in a row."""
+
+CLIPPED_SHARE = 0.3
+"""A clipped signal keeps more than this share of its speed up to the extreme: a smooth peak is entered slowly."""
+
+NEIGHBOURING_STEPS = 8
+"""Steps on either side of a jump, or of a stuck value, that it is compared with."""
+
+SPIKE_DEVIATIONS = 20.0
+"""A spike stands out of the noise by so many standard deviations of the second difference.
+
+A jump is larger than so many of the steps beside it."""
+
+BEND_TIMES = 4.0
+"""A spike is also so many times what all rows but a hundredth bend by: signals have quiet and busy stretches."""
+
+RARE_ROWS = 8
+"""Rows, at the least, of which that hundredth is: a spike bends three."""
+
+SPIKE_QUANTA = 6.0
+"""A spike is so many quanta high, for an encoder at rest dithers by one; a jump also so many usual steps."""
+
 NEIGHBOUR_AGREEMENT = 0.25
+"""Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved."""
 
 NEIGHBOUR_OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 SLOPE_WEIGHTS = NEIGHBOUR_OFFSETS / np.dot(NEIGHBOUR_OFFSETS, NEIGHBOUR_OFFSETS)
@@ -83,11 +108,11 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
         extremes = (float(values[sound].min()), float(values[sound].max()))
         for stretch in stretches(recording, sound):
             begin, part = stretch.first, values[stretch.rows]
-            stuck = [] if computed else list(_stuck(part, step))
+            stuck = [] if computed else list(_runs_that_wake(part, step))
             if channel == "force" and stuck:
                 changing = _changing_depth(recording, [(begin + first, begin + end) for first, end in stuck])
                 stuck = [(first - begin, end - begin) for first, end in changing]
-            # A frozen sensor jumps where it wakes: one issue is enough.
+            # A stuck sensor jumps where it wakes: one issue is enough.
             woken = {end for _, end in stuck}
             # Only a place has no jumps by nature: forces switch on.
             jumps = _jumps(part, step) if unit in ("m", "rad") and not computed else ()
@@ -128,15 +153,16 @@ def _usual_step(steps: Array) -> float:
     return float(np.median(some)) if some.size else 0.0
 
 
-def _stuck(values: Array, step: float) -> Iterator[Span]:
+def _runs_that_wake(values: Array, step: float) -> Iterator[Span]:
     """Yield runs of one value that end in a jump: by then the signal had moved on, at rest it would not have."""
     steps = np.abs(np.diff(values))
-    # Rows for which each value lasts: a slow or coarse signal keeps its values longer, and that is no freezing.
+    # Rows for which each value lasts: a slow or coarse signal keeps its values longer, and that is not stuck.
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(steps) + 1, [values.size]]))
     for first, end in _constant_runs(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
         # The largest step beside the run: a jump on waking stands out against it.
-        around = np.concatenate([steps[max(0, first - 8) : first], steps[end : end + 8]]).max(initial=0.0)
-        if end < values.size - 3 and abs(values[end] - values[first]) > max(4.0 * around, 4.0 * step):
+        neighbours = [steps[max(0, first - NEIGHBOURING_STEPS) : first], steps[end : end + NEIGHBOURING_STEPS]]
+        around = np.concatenate(neighbours).max(initial=0.0)
+        if end < values.size - 3 and abs(values[end] - values[first]) > max(WAKING_TIMES * around, WAKING_TIMES * step):
             yield first, end
 
 
@@ -166,9 +192,9 @@ def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[
         upward = np.sign(values[first] - values[first - 1])
         rise = upward * np.diff(values[first - 3 : first + 1])
         fall = -upward * np.diff(values[end - 1 : end + 3])
-        steady = np.all(rise[:2] > 3.0 * step) and np.all(fall[1:] > 3.0 * step)
+        steady = np.all(rise[:2] > CLIPPED_QUANTA * step) and np.all(fall[1:] > CLIPPED_QUANTA * step)
         # a smooth peak of this width is entered by steps of curvature alone: each a small share of the one before
-        if steady and rise[1] > 0.3 * rise[0] and fall[1] > 0.3 * fall[2]:
+        if steady and rise[1] > CLIPPED_SHARE * rise[0] and fall[1] > CLIPPED_SHARE * fall[2]:
             spans.append((first, end))
     return spans
 
@@ -200,15 +226,23 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
             yield row
 
 
-# Share of a column's largest value by which a frozen reading may change, as when its frame is turned.
-FROZEN_ROUNDING = 1e-12
-FROZEN_TIMES = 30.0  # a live sensor changes its reading so many times, in the mean, over the travel of a frozen one
-# Share of the travel for which a reading stays that comes back: it is a level of the sensor, or a limit.
+STUCK_ROUNDING = 1e-12
+"""Share of a column's largest value by which a stuck reading may change, as when its frame is turned."""
+
+STUCK_TIMES = 30.0
+"""A live sensor changes its reading so many times, in the mean, over the travel of a stuck one."""
+
 RECURRING_SHARE = 0.1
-LEAST_MOVES = 50  # steps in which the hand must move before a column that never changes is reported
-# Share of a constant speed by which it may be off that of its place: a wrong one is further off.
+"""Share of the travel for which a reading stays that comes back: it is a level of the sensor, or a limit."""
+
+LEAST_MOVES = 50
+"""Steps in which the hand must move before a column that never changes is reported."""
+
 EVEN_SPEED = 0.2
-ZERO_LEVELS = 1.5  # steps of a coarse converter within which a constant reading is its zero
+"""Share of a constant speed by which it may be off that of its place: a wrong one is further off."""
+
+ZERO_LEVELS = 1.5
+"""Steps of a coarse converter within which a constant reading is its zero."""
 
 MOVING_UNITS: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "rad/s": "speed"}
 """Units of what must change while the hand moves: positions may stand still in one direction."""
@@ -220,7 +254,7 @@ REFERENCE_OF = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity":
 """... but for these, which follow one channel: a speed its own component of it."""
 
 
-def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
+def issues_of_rest(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
     """Yield stretches over which a force, torque or speed keeps its value though the hand moves, and constant columns.
 
     `known` are issues whose rows need no second one. Answers of a simulation are exact, and left alone.
@@ -234,14 +268,12 @@ def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
         numbers = numbers[np.isfinite(numbers)]
         if not other:
             continue
-        if numbers.size and float(np.ptp(numbers)) <= FROZEN_ROUNDING * float(np.max(np.abs(numbers))):
+        if numbers.size and float(np.ptp(numbers)) <= STUCK_ROUNDING * float(np.max(np.abs(numbers))):
             yield from _constant_column(recording, name, column, travel, other)
         elif column.unit in MOVING_UNITS:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
             place = columns[other].values if MOVING_UNITS[column.unit] == "speed" and other in columns else None
-            runs = {
-                (first, end): travelled for first, end, *travelled in _frozen_runs(recording, column, travel, place)
-            }
+            runs = {(first, end): travelled for first, end, *travelled in _stuck_runs(recording, column, travel, place)}
             spans = _changing_depth(recording, list(runs)) if column.channel == "force" and runs else list(runs)
             for first, end in spans:
                 moved, every = runs[first, end]
@@ -262,8 +294,9 @@ def _changing_depth(recording: Recording, spans: Sequence[Span]) -> list[Span]:
         return list(spans)
     stretch = recording.ihip - recording.hip
     # m: rounding, and whatever steps both are given in.
-    open_length = FROZEN_ROUNDING * float(np.nanmax(np.abs(recording.hip), initial=0.0))
+    open_length = STUCK_ROUNDING * float(np.nanmax(np.abs(recording.hip), initial=0.0))
     open_length += coarsest(recording.hip) + coarsest(recording.ihip)
+    # Negated <=, so that a span without a number is one of them.
     return [(first, end) for first, end in spans if not np.ptp(stretch[first:end], axis=0).max() <= open_length]
 
 
@@ -314,7 +347,7 @@ def _constant_column(recording: Recording, name: str, column: Column, travel: Ar
     yield make_issue(recording, "constant", what, name, severity=note, value=value, travel=distance)
 
 
-def _frozen_runs(
+def _stuck_runs(
     recording: Recording, column: Column, travel: Array, place: Array | None
 ) -> Iterator[tuple[int, int, float, float]]:
     """Yield the rows [first, end) over which a column that changes elsewhere keeps its value, and the hand's travel.
@@ -323,7 +356,7 @@ def _frozen_runs(
     that goes on evenly, and is left alone.
     """
     values, measured, time = column.values, recording.measured, recording.time
-    rounding = FROZEN_ROUNDING * float(np.max(np.abs(values[measured])))
+    rounding = STUCK_ROUNDING * float(np.max(np.abs(values[measured])))
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
     # Travel up to each row, m or rad: that over a run is a difference of two of them.
@@ -337,9 +370,9 @@ def _frozen_runs(
     for index in np.flatnonzero(long_enough).tolist():
         first, end = constant_runs[index]
         value, distance = float(values[first]), float(travel_in_run[index])
-        # Frozen: the hand moved, the reading changes elsewhere, and by now it should have changed `FROZEN_TIMES` times.
+        # Stuck: the hand moved, the reading changes elsewhere, and by now it should have changed `STUCK_TIMES` times.
         resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
-        if resting or changes < STUCK_ROWS or distance * changes < FROZEN_TIMES * travel_elsewhere:
+        if resting or changes < STUCK_ROWS or distance * changes < STUCK_TIMES * travel_elsewhere:
             continue
         if _is_free_reading(recording, column, slice(first, end), value):
             continue

@@ -110,7 +110,7 @@ def examine(
     timing, issues = examine_timing(recording)
     issues += [*columns.issues_of_values(recording), *columns.issues_of_numbers(recording)]
     # Rows that are found to be stuck already need no second one.
-    issues += columns.frozen(recording, list(issues))
+    issues += columns.issues_of_rest(recording, list(issues))
     for detect in DETECTORS:
         issues += detect(recording)
     signs = force_signs(recording)
