@@ -91,7 +91,7 @@ docs: .venv/dev.stamp
 
 # What the pages link, as it is drawn now.
 pictures: docs
-	for picture in docs/pictures/*.svg; do cp build/site/pictures/$${picture##*/} $$picture; done
+	cp $$(grep -oh 'pictures/[a-z0-9.-]*\.svg' docs/*.md | sort -u | sed 's,^,build/site/,') docs/pictures/
 
 site: run docs
 

@@ -53,6 +53,11 @@ def test_a_selection_by_a_word_of_the_field_is_told_the_check(capsys):
     assert "did you mean continuous-contact?" in capsys.readouterr().err
 
 
+def test_a_word_of_the_field_is_not_taken_for_a_case_that_is_spelt_alike(capsys):
+    assert main(["run", "effects-friction", "-r", "constraint", "-k", "stick-slip"]) == 4
+    assert "did you mean friction-sticking?" in capsys.readouterr().err
+
+
 def test_a_search_for_a_word_of_the_field_is_told_the_check(capsys):
     assert main(["search", "-r", "constraint", "--check", "pop-through"]) == 2
     assert "did you mean continuous-contact?" in capsys.readouterr().err

@@ -157,7 +157,8 @@ class Child:
             while b"\n" not in self._pending:
                 seconds_left = deadline - time.monotonic()
                 if seconds_left <= 0.0:
-                    less = "; it has less time since one hung before" if self._patience.has_hung else ""
+                    hung_before = self._patience.has_hung and call not in STARTING
+                    less = "; it has less time since one hung before" * hung_before
                     self._patience.has_hung = True
                     self.fail(
                         f"gives no answer to '{call}' in {patience:.3g} s",

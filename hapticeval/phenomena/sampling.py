@@ -172,9 +172,10 @@ def hip_step(recording: Recording, scene: Scene) -> float:
 
 
 def worst_row(values: Array) -> int:
-    """Return the row at which `values` (n,), of any unit, are the largest: the first of those that differ by rounding.
+    """Return the row at which `values` (n,), of any unit, are the largest: the first of those that are so to 1e-9.
 
-    A path that repeats itself, or is symmetric, has several worst places: another machine names the same of them.
+    A path that repeats itself, or is symmetric, has several worst places: another machine names the same of them. What
+    is a difference of nearly equal numbers, or rounding alone, may yet differ by more.
     """
     largest = float(np.max(values))
     return int(np.argmax(values >= largest - TIE_SHARE * abs(largest) if math.isfinite(largest) else values))

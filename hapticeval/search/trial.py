@@ -168,11 +168,8 @@ class Bench:
                 return Fault(RENDERER, "hangs", f"the renderer gives no answer in {limit:.3g} s{self._end_at_place()}")
             if self._over():
                 place = self._end_at_place()
-                raise Stopped(
-                    f"the renderer had given no answer for {silent:.3g} s{place}; after {limit:.3g} s it hangs"
-                    if silent > TOLD_SILENCE
-                    else ""
-                )
+                quiet = f"the renderer had given no answer for {silent:.3g} s{place}"
+                raise Stopped(f"{quiet}; after {limit:.3g} s that is a hang" if silent > TOLD_SILENCE else "")
 
     def _end_at_place(self) -> str:
         """End the renderer's process, and return where it was in words that follow a sentence; empty if unknown."""

@@ -156,7 +156,8 @@ class Affected:
             numbers = ((row, change_in_python(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
             row, exit_number = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
         if exit_number:
-            raise DomainError(f"{self.domain_exits[exit_number]}: {in_m(hips[row])}")
+            words = self.domain_exits.get(exit_number, f"an effect's kernel returned {exit_number}")
+            raise DomainError(f"{words}: {in_m(hips[row])}")
 
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:

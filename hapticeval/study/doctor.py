@@ -473,7 +473,11 @@ def next_steps(name: str, findings: Sequence[ContractFinding]) -> list[str]:
         steps.append("in free space hand and tool are one point: what divides by their distance divides by zero")
     # Kinds of models in which nothing broke, where it breaks in the other at once.
     broken_kinds = {finding.kind for finding in findings if finding.state is State.BROKE}
-    others = [finding.kind for finding in findings if finding.what == "made" and finding.kind not in broken_kinds]
+    others = [
+        finding.kind
+        for finding in findings
+        if finding.what == "made" and finding.state is State.OK and finding.kind not in broken_kinds
+    ]
     if broke.what in ("made", "free space") and others:
         steps.append(
             f"or, if it is for models in {'the ' * (others[0] == 'plane')}{others[0]} alone, have it say so: "

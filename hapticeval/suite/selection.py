@@ -159,10 +159,9 @@ class _Expression:
         known = sorted(cases | {place.check for place in self._everything})
         from hapticeval.phenomena.registry import checks_called
 
-        # Nothing is spelt like it: it may be a word of the field, as `pop-through`.
-        close = difflib.get_close_matches(bare, known, n=3, cutoff=0.5) or [
-            check for check in checks_called(bare) if check in known
-        ]
+        # A word of the field, as `pop-through`, means its checks; else what is spelt like it.
+        called = [check for check in checks_called(bare) if check in known]
+        close = called or difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
         hint = "a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'"
         return NothingSelectedError(
             what,

@@ -307,6 +307,15 @@ def test_a_renderer_of_solids_alone_is_told_how_to_say_so(here: Path) -> None:
     assert steps[1:] == ["or, if it is for models in space alone, have it say so: supports = {'space'}"]
 
 
+def test_a_kind_that_is_refused_is_not_proposed_as_all_that_it_is_for() -> None:
+    refuses_the_plane = [
+        doctor.ContractFinding("made", "plane", State.NOTE, "it refuses the scene"),
+        doctor.ContractFinding("made", "space", State.OK, "made"),
+        doctor.ContractFinding("free space", "space", State.BROKE, "it raised"),
+    ]
+    assert not [line for line in doctor.next_steps("p", refuses_the_plane) if "supports" in line]
+
+
 def test_a_force_of_the_plane_in_space_is_named_wherever_it_is_asked(here: Path) -> None:
     findings = list(examine("patients:Flat", patience=ANSWER_SECONDS))
     broke = [finding for finding in findings if finding.state is State.BROKE]

@@ -67,11 +67,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
         away = float(scene.model.boundary.signed_distance(base.hip).min())
+        reason = "the hand is never led into the model, and the tool never in contact"
         # So far off that somebody may have taken millimetres for metres.
-        far = f"; it stays {mm(away)} away, farther than the model is large: is its unit the metre?"
-        return undecided(
-            "the hand is never led into the model, and the tool never in contact" + far * (away > scene.model.size)
-        )
+        if away > scene.model.size:
+            reason += f"; the hand stays {mm(away)} away, farther than the model is large: is its unit the metre?"
+        return undecided(reason)
     worst = worst_row(gap - allowed)
     metric = CHECK.measured(gap[worst])
     bound = float(allowed[worst])

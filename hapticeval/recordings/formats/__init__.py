@@ -122,9 +122,9 @@ class Table:
         if name in self.columns:
             return np.asarray(self.columns[name])
         error = UnknownNameError("column", name, self.columns)
-        columns = f"known: {', '.join(sorted(self.columns))}"
         # The closest name may be of something else: only all of them show what the file calls it.
-        error.todo = error.todo if error.todo == columns else f"{error.todo} {columns}"
+        if self.columns and not error.todo.startswith("known: "):
+            error.todo += f" known: {', '.join(sorted(self.columns))}"
         # A column that the file has and that is no column of numbers.
         error.why = next((remark for remark in self.remarks if f"'{name}'" in remark), error.why)
         raise error
