@@ -24,7 +24,7 @@ from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import (
     Outline,
     evaluate_at,
-    first_contact,
+    first_entry,
     frame,
     nearest_on,
     outline_in,
@@ -117,7 +117,7 @@ def _fly(outline: Outline, released: bool, x0: float, y0: float, x: float, y: fl
     Returns whether the tool runs into something on the way, and the (piece, u) at which it then comes to rest.
     """
     for _flight in range(FLIGHTS):
-        touches, piece, u = first_contact(outline, x0, y0, x, y, released)
+        touches, piece, u = first_entry(outline, x0, y0, x, y, released)
         if not touches:
             return False, piece, u
         # a new contact: slide on from there, and off again where a corner lets it

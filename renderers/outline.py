@@ -371,7 +371,7 @@ def is_clear_of(b: Outline, x: float, y: float) -> bool:
 
 
 @borrowing
-def first_contact(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
+def first_entry(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
     `leaving`: it starts on the surface. A crossing of the chords counts wherever both ends lie, so that nothing is

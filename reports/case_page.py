@@ -447,7 +447,7 @@ def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
         key = (verdict.outcome, verdict.message, verdict.level) if is_bare else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
     sections = [CheckSection(check, list(rows.values())) for check, rows in checks.items()]
-    return sorted(sections, key=lambda section: min(_expectedness(row[0]) for row in section.rows))
+    return sorted(sections, key=lambda section: min(_urgency_rank(row[0]) for row in section.rows))
 
 
 def _spanning_cells(values: Sequence[Any], column: int) -> Iterator[Cell | None]:
@@ -459,7 +459,8 @@ def _spanning_cells(values: Sequence[Any], column: int) -> Iterator[Cell | None]
         yield from [None] * (rows - 1)
 
 
-def _expectedness(verdict: VerdictEntry) -> int:
+def _urgency_rank(verdict: VerdictEntry) -> int:
+    """Return 0 for a verdict that is not as expected, 1 for another that failed, and else 2."""
     if not verdict.as_expected:
         return 0
     return 1 if verdict.outcome is Outcome.FAIL else 2

@@ -16,6 +16,9 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.compiled import Closest
 
+START_ROUNDING = 1e-6
+"""Share of a march's grain from which on a point counts as inside: its start may be so by its rounding."""
+
 SEARCH_BATCH = 32
 """Points of a segment that are looked at together on the search for its first crossing."""
 
@@ -173,8 +176,7 @@ def march_to_crossing(boundary: Boundary, start: Array, end: Array, grain: float
         lengths = np.minimum(covered + grain * np.arange(SEARCH_BATCH + 1), length)
         points = start + lengths[:, np.newaxis] * ((end - start) / length)
         frame = boundary.closest_point(points)
-        # the start may be inside by its rounding; a point is inside from 1e-6 grain on
-        inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
+        inside = np.flatnonzero(frame.distance[1:] < -START_ROUNDING * grain)
         if inside.size:
             return np.asarray(frame.foot[inside[0]])
         # nothing of the surface lies within a point's distance: skip that far ahead

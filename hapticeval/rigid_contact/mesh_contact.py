@@ -42,7 +42,7 @@ from hapticeval.rigid_contact.force import (
     longest_flight_step,
 )
 from hapticeval.rigid_contact.force import CORNER as AT_CORNER
-from hapticeval.rigid_contact.mesh_search import ToolPath, first_edge, first_face, first_fall, follow
+from hapticeval.rigid_contact.mesh_search import ToolPath, first_edge, first_entry, first_fall, follow
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
     edge_direction,
@@ -186,12 +186,12 @@ def advance_flight(
 ) -> float:
     """Carry a flying tool by one step of at most `time_left` (s), from `tau` (s) on, and return how long it took.
 
-    `free` (6,), m, and `near` (t,) as in `first_face`.
+    `free` (6,), m, and `near` (t,) as in `first_entry`.
     """
     load, state = tool.load, tool.state
     h = longest_flight_step(load, time_left)
     path = ToolPath(triple_of(state.position), triple_of(state.velocity), tau, NOWHERE)
-    time, k, _ = first_face(terrain, path, h, load, free, near)
+    time, k, _ = first_entry(terrain, path, h, load, free, near)
     h = min(time, h)
     p, v = follow(path, h, load)
     move_tool(tool, p, v, NOWHERE)

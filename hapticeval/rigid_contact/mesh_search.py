@@ -247,7 +247,7 @@ def _stays_on_one_side(
 
 
 @compiled
-def first_face(
+def first_entry(
     terrain: MeshTerrain, path: ToolPath, h: float, load: Any, free: Array, near: IntArray
 ) -> tuple[float, int, Triple]:
     """Return when a flight of h seconds first enters the solid, through which triangle, and where (m).
