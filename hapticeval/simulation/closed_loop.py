@@ -210,7 +210,7 @@ def _step_in_loop(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt
 def _domain_exit_error(law: CompiledStep, number: int, hip: Array) -> DomainError:
     """What a law says by its `number` of the hand, at `hip` (N,), m, having left its domain."""
     return DomainError(
-        law.domain_exits.get(number, f"the renderer's law refuses: number {number}"),
+        law.domain_exits.get(number, f"the hand left the domain of the renderer's law: number {number}"),
         why=f"the hand is at {in_m(hip)}, where the renderer is not defined",
         todo="start nearer to the surface, hold on stiffer, or push less",
     )
