@@ -159,9 +159,10 @@ class _Expression:
         known = sorted(cases | {place.check for place in self._everything})
         from hapticeval.phenomena.registry import checks_called
 
-        # A word of the field, as `pop-through`, means its checks; else what is spelt like it.
+        # A part of a name, if not a short one; else a word of the field, as `pop-through`; else what is spelt alike.
+        within_names = [name for name in known if len(bare) > 3 and bare in name][:3]
         called = [check for check in checks_called(bare) if check in known]
-        close = called or difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
+        close = within_names or called or difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
         hint = "a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'"
         return NothingSelectedError(
             what,

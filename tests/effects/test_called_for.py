@@ -61,7 +61,7 @@ def test_an_entry_leads_to_the_class_of_its_kind(kind):
             "minimum-distance",
             "dynamics-line",
             "line",
-            {"encoder", "velocity_filter", "delay", "saturation", "joint_friction"},
+            {"sensors", "actuators"},
         ),
     ],
 )
