@@ -112,6 +112,7 @@ from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.sensors import Encoder
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
@@ -123,7 +124,7 @@ trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.
 plain = Scene(model=make_model("circle"), device=Parallelogram2())
 affected = replace(plain, effects=(Encoder(1e-4), Suction(0.2)))
 for scene in ({scenes}):
-    law = make_renderer(resolve("minimum-distance"), scene).law
+    law = abilities_of(make_renderer(resolve("minimum-distance"), scene)).law
     code = machine_code(kernels.run, law_value(law.function, law.data), law.data, loop_of(trial, scene, 1e-3))
     if scene is plain:
         print(len(code), hashlib.sha256(code).hexdigest())
