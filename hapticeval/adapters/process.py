@@ -380,11 +380,7 @@ class ProcessRenderer:
 
     def __init__(self, factory: ProcessFactory, scene: Scene) -> None:
         hello = factory.hello
-        self._command, self._patience, self._outside = (
-            factory.command,
-            factory.patience,
-            Outside(scene, hello.max_error),
-        )
+        self._factory, self._outside = factory, Outside(scene, hello.max_error)
         self.contact: bool | BoolArray | None = None
         self._child, answer = self._start()
         lengths = _read_lengths(self._child, answer, "standoff", "resolution")
@@ -398,7 +394,7 @@ class ProcessRenderer:
     def _start(self) -> tuple[Child, dict[str, Any]]:
         """Start a process, give it the scene, and return it with its answer to that."""
         scene, facets = self._outside.scene, self._outside.facets
-        child = Child(self._command, self._patience)
+        child = Child(self._factory.command, self._factory.patience)
         _say_hello(child)
         answer = child.ask(
             "scene",
@@ -427,13 +423,15 @@ class ProcessRenderer:
         if self._child.has_failed:
             self._child, _ = self._start()
         tool = self._outside.tool(hip, self._margin)
-        self._check_refusal(self._child.ask("reset", self._patience.seconds, hip=_plain(hip), tool=_plain(tool)), hip)
+        self._check_refusal(
+            self._child.ask("reset", self._factory.patience.seconds, hip=_plain(hip), tool=_plain(tool)), hip
+        )
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         entries: dict[str, Any] = {"hip": _plain(hip), "velocity": _plain(np.asarray(velocity)), "dt": float(dt)}
-        answer = self._child.ask("step", self._patience.seconds, **entries)
+        answer = self._child.ask("step", self._factory.patience.seconds, **entries)
         self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
@@ -468,7 +466,7 @@ class ProcessRenderer:
     def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
         """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
         # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
-        patience = self._patience.seconds + TICK_PATIENCE * len(hips)
+        patience = self._factory.patience.seconds + TICK_PATIENCE * len(hips)
         most_bytes = ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
         entries = {"hips": _plain(hips), "velocities": _plain(velocities), "dt": float(dt)}
         answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)

@@ -15,7 +15,6 @@ from hapticeval.effects.effect import Stage
 from hapticeval.errors import (
     DomainError,
     InputError,
-    RefusalError,
     RendererError,
     RunawayError,
     in_m,
@@ -27,7 +26,6 @@ from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abil
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import (
     contact_channel,
-    late_refusal,
     not_finite,
     observe_force_checked,
     reported_contact,
@@ -114,7 +112,7 @@ def _drive_point_mass(
     end = None
     for tick in range(count):
         try:
-            ihip, force = _step_in_loop(renderer, tick, hip, velocity, dt)
+            ihip, force = step_checked(renderer, tick, hip, velocity, dt, may_refuse=tick == 0)
         except DomainError as error:
             end = _end_of_run(tick, error)
             break
@@ -188,23 +186,15 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
-            out.ihip[tick], out.force[tick] = _step_in_loop(renderer, tick, hips[tick], velocities[tick], dt)
+            out.ihip[tick], out.force[tick] = step_checked(
+                renderer, tick, hips[tick], velocities[tick], dt, may_refuse=tick == 0
+            )
         except DomainError as error:
             return _end_of_run(tick, error)
         out.contact[tick, 0] = reported_contact(renderer)
         if act(loop, tick) != kernels.DONE:
             return _end_of_run(tick, _runaway_error(tick, out.hip[tick], joints))
     return None
-
-
-def _step_in_loop(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
-    """Return what `step_checked` does, IHIP and force; a refusal after the first tick is a `RendererError`."""
-    try:
-        return step_checked(renderer, tick, hip, velocity, dt)
-    except RefusalError as refusal:
-        if tick == 0:
-            raise
-        raise late_refusal(refusal, tick, hip) from refusal
 
 
 def _domain_exit_error(law: CompiledStep, number: int, hip: Array) -> DomainError:

@@ -320,27 +320,14 @@ def _answer_each(
         if pushes is not None:
             observe_force_checked(renderer, tick, hip, pushes[row])
         try:
-            ihip, force = step_checked(renderer, tick, hip, rows.velocity[row], float(rows.dt[row]))
+            ihip, force = step_checked(
+                renderer, tick, hip, rows.velocity[row], float(rows.dt[row]), may_refuse=row == 0
+            )
         except RendererError as error:
             if ahead:
                 error.after_lead_in(row + 1, ahead)
             raise
-        except RefusalError as refusal:
-            if row == 0:
-                raise
-            raise late_refusal(refusal, tick, hip) from refusal
         answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
-
-
-def late_refusal(refusal: RefusalError, tick: int, hip: Array) -> RendererError:
-    """Return the fault that a `refusal` after the first answer is, at a tick with the hand at `hip` (N,), m."""
-    return RendererError(
-        f"the renderer refuses in the middle of a run: {refusal.what}",
-        tick=tick,
-        hip=hip,
-        why="a refusal is about a scene, and stands before the first answer",
-        todo="refuse in the factory, in reset() or in the first step()",
-    )
 
 
 def reset_checked(renderer: Renderer, hip: Array) -> None:
@@ -393,9 +380,12 @@ def timed_steps() -> Iterator[list[float]]:
         _step_seconds = None
 
 
-def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+def step_checked(
+    renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float, *, may_refuse: bool = True
+) -> tuple[Array, Array]:
     """Return IHIP (N,), m, and force (N,), N, of `renderer.step(hip, velocity, dt)`, in copies of their own.
 
+    A refusal is about a scene: it is a fault where the renderer no longer `may_refuse`, after a run's first answer.
     The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
     Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
     """
@@ -408,6 +398,16 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
         count_answer()
     except RendererError as error:
         raise error.placed(tick, hip) from error
+    except RefusalError as refusal:
+        if may_refuse:
+            raise
+        raise RendererError(
+            f"the renderer refuses in the middle of a run: {refusal.what}",
+            tick=tick,
+            hip=hip,
+            why="a refusal is about a scene, and stands before the first answer",
+            todo="refuse in the factory, in reset() or in the first step()",
+        ) from refusal
     except HapticevalError:
         raise
     except BaseException as error:
