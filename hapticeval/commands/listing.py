@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from hapticeval.commands.terminal import columns, lines, paragraphs
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.quantity import plural
 from hapticeval.suite.outline import Heading, find_suites, outline, suite_groups, suites_named
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def explanation(word: str) -> str:
         )
     where = "in what others call" if called else "on the pages of"
     return paragraphs(
-        f"'{word}' is {where} {len(named)} check{'s' * (len(named) > 1)}; hapticeval explain CHECK has more:",
+        f"'{word}' is {where} {plural(len(named), 'check')}; hapticeval explain CHECK has more:",
         columns((name, pages[name].question) for name in named),
     )
 

@@ -46,7 +46,7 @@ STEADY = 1e-9
 class Delay(Effect):
     """Let the motors give a torque `time` (s) after its sample; until then, nothing."""
 
-    time: float = number("s", at=True)
+    time: float = number("s", zero=True)
 
     kind: ClassVar[str] = "delay"
     stage: ClassVar[Stage] = Stage.COMMAND

@@ -82,16 +82,16 @@ class Part(NamedTuple):
 def number(
     unit: str,
     *,
-    at: bool = False,
+    zero: bool = False,
     finite: bool = True,
     default: Any = MISSING,
     compare: bool = True,
 ) -> Any:
     """Declare a field of an effect that is a number with a `unit` (or a key of `PER_JOINT`) and a range.
 
-    It must be greater than zero, or `at` it too, and finite unless it need not be.
+    It must be positive, or may be `zero`, too; and it must be finite unless it need not be.
     """
-    metadata = {"unit": unit, "at": at, "finite": finite}
+    metadata = {"unit": unit, "zero": zero, "finite": finite}
     return field(metadata=metadata, default=default, compare=compare)
 
 
@@ -119,9 +119,9 @@ class Effect:
             value, allowed = getattr(self, number_field.name), number_field.metadata
             if not allowed or value is None:  # no `number`, or one that is not given
                 continue
-            sound = isinstance(value, int | float) and (value >= 0.0 if allowed["at"] else value > 0.0)
+            sound = isinstance(value, int | float) and (value >= 0.0 if allowed["zero"] else value > 0.0)
             if not sound or (allowed["finite"] and not math.isfinite(value)):
-                bound = "not negative" if allowed["at"] else "positive"
+                bound = "not negative" if allowed["zero"] else "positive"
                 raise InputError(
                     f"{self.named(number_field.name)} = {value!r} {unit_of(allowed['unit'])}".rstrip(),
                     why=f"it must be {'finite and ' if allowed['finite'] else ''}{bound}",

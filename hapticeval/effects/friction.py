@@ -56,8 +56,8 @@ class Friction(Effect):
     range and mu_k > mu_s.
     """
 
-    mu_s: float = number("", at=True)
-    mu_k: float = number("", at=True)
+    mu_s: float = number("", zero=True)
+    mu_k: float = number("", zero=True)
     stick: float = number("", default=0.6)
 
     kind: ClassVar[str] = "friction"

@@ -64,8 +64,8 @@ class LuGre(Effect):
     mu_k: float = number("")
     stribeck: float = number("m/s")
     stiffness: float = number("N/m")
-    damping: float = number("N s/m", at=True)
-    viscosity: float = number("N s/m", at=True)
+    damping: float = number("N s/m", zero=True)
+    viscosity: float = number("N s/m", zero=True)
     fade: float | None = number("m/s", default=None)
 
     kind: ClassVar[str] = "lugre"

@@ -44,7 +44,7 @@ class Relief(Effect):
     """
 
     wavelength: float = number("m")
-    amplitude: float | None = number("m", at=True, default=None)
+    amplitude: float | None = number("m", zero=True, default=None)
     profile: tuple[float, ...] = ()
     direction: tuple[float, ...] = ()
 

@@ -123,10 +123,10 @@ class ForceSensor(Effect):
     that of the low-pass; `seed` of the noise.
     """
 
-    step: float = number("N", at=True, default=0.0)
-    noise: float = number("N", at=True, default=0.0)
+    step: float = number("N", zero=True, default=0.0)
+    noise: float = number("N", zero=True, default=0.0)
     cutoff: float = number("Hz", finite=False, default=math.inf)
-    seed: int = number("", at=True, default=0)
+    seed: int = number("", zero=True, default=0)
 
     kind: ClassVar[str] = "force-sensor"
     stage: ClassVar[Stage] = Stage.FEEL

@@ -41,7 +41,7 @@ class StochasticTexture(Effect):
     than the texture.
     """
 
-    mass: float = number("kg", at=True)
+    mass: float = number("kg", zero=True)
     texture: str | Texture = ""
     direction: str = "along"
     seed: int = 1

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Viscosity(Effect):
     """Brake the tool along the surface with b_d = `coefficient` (kg/s): renderers assign it to the sliding tool."""
 
-    coefficient: float = number("kg/s", at=True)
+    coefficient: float = number("kg/s", zero=True)
 
     kind: ClassVar[str] = "viscosity"
     words: ClassVar[str] = "viscosity {coefficient}"
@@ -40,7 +40,7 @@ class ViscousFriction(Effect):
     in that it is put on any renderer's answers. A damper that is held for a tick gives at most (b/dt) sum of |dHIP|^2.
     """
 
-    coefficient: float = number("N s/m", at=True)
+    coefficient: float = number("N s/m", zero=True)
 
     kind: ClassVar[str] = "viscous-friction"
     stage: ClassVar[Stage] = Stage.ANSWER
