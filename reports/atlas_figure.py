@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.quantity import plural
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.canvas import DASHED, MM, colour_of, draw_over_time, figure, legend_above, page_svg
 
@@ -39,8 +40,7 @@ def charts_words(recording: Recording) -> str:
     # Negated <=, so that a torque that is not finite counts as disagreeing.
     disagreeing = np.flatnonzero(~(differences <= TORQUE_ROUNDING * largest))
     agreeing = np.delete(differences, disagreeing)
-    turns = int(np.count_nonzero(np.diff(chart)))
-    words = [f"The charts take turns {turns} time{'' if turns == 1 else 's'}."]
+    words = [f"The charts take turns {plural(int(np.count_nonzero(np.diff(chart))), 'time')}."]
     if agreeing.size:
         words.append(f"Their torques agree to {float(agreeing.max()):.1g} N m, of {largest:.3g} N m at the most.")
     if not disagreeing.size:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.files import file_stem
-from hapticeval.quantity import format_quantity
+from hapticeval.quantity import format_quantity, plural
 from hapticeval.reports.canvas import BOXED, CURVES, INK, MARKERS, MM, PALETTE, QUIET, THEME, figure, save_figure
 from hapticeval.reports.paper_figure import PaperFigure, paper_page
 from hapticeval.study.projection_field.field import Field
@@ -81,8 +81,7 @@ def caption(summary: Mapping[str, Any]) -> str:
         # The largest step of the IHIP across the discontinuity.
         jump = f", jumps up to {format_quantity(singular['largest_jump_m'], 'm')}"
     if singular["points"]:
-        count = len(singular["points"])
-        parts.append(f"{count} single point{'' if count == 1 else 's'}")
+        parts.append(plural(len(singular["points"]), "single point"))
     within = format_quantity(singular["within_m"], "m")
     share = f"{100 * singular['share_within']:.3g} % of the inside within {within} of it"
     lines = [f"Discontinuous: {' and '.join(parts)}{jump}; {share}" if parts else "No discontinuity found"]
