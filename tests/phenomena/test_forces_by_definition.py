@@ -16,9 +16,10 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
-from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy, lugre_force, surface_force_of
+from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy
 from hapticeval.phenomena.checks.passivity import explained_work
 from hapticeval.phenomena.lag import force_lag
+from hapticeval.phenomena.lugre_force import lugre_force
 from hapticeval.phenomena.stiffness import (
     ApparentStiffness,
     _calls_for_force,
@@ -39,6 +40,7 @@ from hapticeval.phenomena.stiffness_pattern import (
     _place_groups,
     _rank_groups,
 )
+from hapticeval.phenomena.surface_force import surface_force_of
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import Spring
@@ -377,22 +379,22 @@ class TestFriction:
     def test_a_force_s_parts_are_across_and_along_the_surface(self):
         base = moving(self.SCENE, extra=np.array([0.4, 0.0]), velocity=np.tile([0.1, -0.02], (COUNT, 1)))
         surface_force = surface_force_of(base, self.SCENE)
-        np.testing.assert_allclose(surface_force.normal, 2.0)
-        np.testing.assert_allclose(surface_force.tangential, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
-        np.testing.assert_allclose(surface_force.size, 0.4)
+        np.testing.assert_allclose(surface_force.normal_force, 2.0)
+        np.testing.assert_allclose(surface_force.tangential_force, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
+        np.testing.assert_allclose(surface_force.tangential_size, 0.4)
         np.testing.assert_allclose(surface_force.velocity, np.tile([0.1, 0.0], (COUNT, 1)), atol=1e-12)
         reach = 1000.0 * np.abs(base.hip).max() + math.hypot(2.0, 0.4)
-        np.testing.assert_allclose(surface_force.other, 8.0 * 2.0**-52 * reach, rtol=1e-6)
+        np.testing.assert_allclose(surface_force.open_force, 8.0 * 2.0**-52 * reach, rtol=1e-6)
         damped = Scene(model=line(), stiffness=1000.0, damping=3.0, effects=(ViscousFriction(2.0),))
-        np.testing.assert_allclose(surface_force_of(base, damped).other, 5.0 * 0.1, rtol=1e-6)
+        np.testing.assert_allclose(surface_force_of(base, damped).open_force, 5.0 * 0.1, rtol=1e-6)
         lifted = changed(base, force=np.zeros((COUNT, 2)))
         assert not surface_force_of(lifted, self.SCENE).pressed.any()
 
     def test_a_pull_on_a_constraint_that_holds_from_both_sides_presses(self):
         scene = Scene(model=line(), stiffness=1000.0, bilateral=True, effects=(Friction(mu_s=0.5, mu_k=0.3),))
         base = moving(scene, depth=-2e-3)
-        np.testing.assert_allclose(surface_force_of(base, scene).normal, 2.0)
-        np.testing.assert_allclose(surface_force_of(base, self.SCENE).normal, -2.0)
+        np.testing.assert_allclose(surface_force_of(base, scene).normal_force, 2.0)
+        np.testing.assert_allclose(surface_force_of(base, self.SCENE).normal_force, -2.0)
 
     def test_a_lap_takes_the_slip_s_friction_and_what_the_spring_relaxes(self):
         """The tool follows the hand by steps of its own, held back by mu_k F_n."""

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
-from hapticeval.phenomena.checks.friction import _curvature, along_surface
+from hapticeval.phenomena.checks.friction import _curvature
 from hapticeval.phenomena.checks.passivity import (
     Span,
     _largest_of_recent,
@@ -67,6 +67,7 @@ from hapticeval.phenomena.sampling import (
     worst_row,
 )
 from hapticeval.phenomena.steps import largest_jump, recent_steps, step_bounds, worst_step
+from hapticeval.phenomena.surface_force import along_surface
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
 from hapticeval.scene import Scene
 

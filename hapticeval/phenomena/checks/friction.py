@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from operator import mul
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +17,6 @@ from hapticeval.phenomena.decisions import (
     BETWEEN_CONES,
     BRISTLE_PARTS,
     CONE_ROUNDING,
-    COORDINATE_ROUNDINGS,
     CREEP_SPEED,
     LAG_TICKS,
     LAP_WORK,
@@ -34,120 +31,29 @@ from hapticeval.phenomena.decisions import (
     WHOLE_LAG,
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
-from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    evidence_at,
-    hand_velocity,
-    hip_steps,
-    listed,
-    touching,
-    worst_row,
+from hapticeval.phenomena.lugre_force import lugre_force
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_row
+from hapticeval.phenomena.surface_force import (
+    SurfaceForce,
+    along_surface,
+    ihip_rounding,
+    surface_force_of,
+    viscous_coefficient,
 )
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
-from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-if TYPE_CHECKING:
-    from hapticeval.effects.lugre import LuGre
 
 FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 """The effects that brake a tool along the surface."""
 
+LAWS_OF_SPEED = (VISCOUS_FRICTION, LUGRE)
+"""Those whose force is a law of the hand's speed: the tool does not stay behind."""
 
 HAND = ("hip", "velocity")
 """The channels that are of the hand, and so on time."""
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceForce:
-    """The force of each tick, (n,), as parts across and along the surface at the IHIP.
-
-    - `pressed` (n,): where the force is above the floor.
-    - `normal` (n,), N: the part across, positive where the surface pushes, and on a bilateral one also where it pulls;
-      zero, as all parts, where nothing is pressed.
-    - `tangential` (n, N), N: the part along; `size` (n,), N, its length, and at a corner what leaves the fan of
-      normals.
-    - `velocity` (n, N), m/s: the hand's along the surface.
-    - `normals` (n, N): the outward unit normals.
-    - `other` (n,), N: what the scene's dampers may add, rounding, and `between`.
-    - `between` (n,), N: by how much the force of a channel that is late may be off between two ticks.
-    """
-
-    pressed: BoolArray
-    normal: Array
-    tangential: Array
-    size: Array
-    velocity: Array
-    normals: Array
-    other: Array
-    between: Array
-
-    def share_of_cone(self, coefficient: float) -> Array:
-        """Return |F_t| / (mu F_n), (n,): 1 on the edge of the cone of a `coefficient`, and 0 where nothing presses."""
-        return np.asarray(self.size / np.where(self.normal > 0.0, coefficient * self.normal, np.inf))
-
-
-def surface_force_of(base: Recording, scene: Scene, between: Array | None = None) -> SurfaceForce:
-    """Return the force of every tick by its parts; zero where the force is not above the floor.
-
-    `between` (n,), N, is what is not known of the force where a channel was held back by no whole number of ticks.
-    """
-    pressed = above_force_floor(base, scene)
-    velocity = hand_velocity(base)
-    rows = np.flatnonzero(pressed)
-    ihip, force = base.ihip[rows], base.force[rows]
-    normals = scene.model.boundary.closest_point(ihip).normal
-    # F_n = n . F, and F_t = F - F_n n
-    across, tangential = np.sum(force * normals, axis=1), along_surface(force, normals)
-    # A bilateral surface may pull: its force is turned round, so that it presses.
-    push = np.where((across < 0.0) & scene.bilateral, -1.0, 1.0)[:, np.newaxis] * force
-    if scene.model.boundary.corners:
-        # At a corner the normal may be any of the fan: |F| cos and |F| sin of the angle outside of it.
-        angle = scene.model.boundary.normal_cone(ihip, np.zeros(rows.size))(push)
-        strength = np.linalg.norm(force, axis=1)
-        normal, size = strength * np.cos(angle), strength * np.sin(angle)
-    else:
-        normal = np.sum(push * normals, axis=1)
-        size = np.linalg.norm(tangential, axis=1)
-    moving = along_surface(velocity[rows], normals)
-    damping = scene.damping + viscous_coefficient(scene)
-    # Rounding of positions as a force, K |x|, and of the force itself.
-    reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
-    other = damping * np.linalg.norm(moving, axis=1) + COORDINATE_ROUNDINGS * ihip_precision(base) * reach
-    between = np.zeros(len(base)) if between is None else between
-    parts = {
-        "normal": normal, "tangential": tangential, "size": size,
-        "velocity": moving, "normals": normals, "other": other,
-    }  # fmt: skip
-    # Zero in ticks without a force above the floor.
-    columns = {name: np.zeros((len(base), *part.shape[1:])) for name, part in parts.items()}
-    for name, part in parts.items():
-        columns[name][rows] = part
-    columns["other"] += between
-    return SurfaceForce(pressed=pressed, between=between, **columns)
-
-
-def along_surface(vectors: Array, normals: Array) -> Array:
-    """Return `vectors` (n, N) without their part across the surface, v - (n . v) n, for unit `normals` (n, N)."""
-    return np.asarray(vectors - np.sum(vectors * normals, axis=1)[:, np.newaxis] * normals)
-
-
-def viscous_coefficient(scene: Scene) -> float:
-    """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
-    friction = scene.effect(VISCOUS_FRICTION)
-    return 0.0 if friction is None else float(friction.coefficient)
-
-
-def ihip_precision(base: Recording) -> float:
-    """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
-    return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
-
-
-def place_rounding(base: Recording) -> float:
-    """Return the way, m, below which an IHIP has not moved: the rounding of its coordinates."""
-    return COORDINATE_ROUNDINGS * ihip_precision(base) * float(np.max(np.abs(base.hip)))
 
 
 def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
@@ -168,10 +74,10 @@ def judge_with_lag(
     """
     base = runs.base
     finding = judge(runs, surface_force_of(base, scene))
+    if finding.outcome is not Outcome.FAIL or not on_time:
+        return finding
     for lag in range(1, LAG_TICKS + 1):
         for names in on_time:
-            if finding.outcome is not Outcome.FAIL:
-                return finding
             # Held back by `lag` rows, so that they meet the late ones.
             held_back = _held_back(base, dict.fromkeys(names, float(lag)))
             again = judge(replace(runs, base=held_back), surface_force_of(held_back, scene))
@@ -180,8 +86,6 @@ def judge_with_lag(
                 late_channels = [word for name, word in (("ihip", "IHIP"), ("force", "force")) if name not in names]
                 late_words = f"{' and '.join(late_channels)} {'are' if len(late_channels) > 1 else 'is'}"
                 return replace(again, message=f"{again.message}; the {late_words} {plural(lag, 'tick')} late")
-    if not on_time or finding.outcome is not Outcome.FAIL:
-        return finding
     return _judge_between_ticks(runs, judge, scene) or finding
 
 
@@ -193,10 +97,10 @@ def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, SurfaceForce], Findi
     for hip, ihip in likely_force_lags(runs.base, scene):
         early = _held_back(runs.base, {"force": -hip, "ihip": ihip - hip})
         # Between ticks it is not known which values the renderer had.
-        between = np.maximum(
+        open_between_ticks = np.maximum(
             *(beside_straight(run.force) + scene.stiffness * beside_straight(run.ihip) for run in (runs.base, early))
         )
-        finding = judge(replace(runs, base=early), surface_force_of(early, scene, between))
+        finding = judge(replace(runs, base=early), surface_force_of(early, scene, open_between_ticks))
         if finding.outcome is Outcome.PASS:
             return replace(finding, message=f"{finding.message}; the answer is {max(hip, -ihip):.2g} ticks late")
     return None
@@ -239,10 +143,10 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     """Compare |F_t| with mu_s F_n at every tick."""
     base, friction = runs.base, scene.effect(FRICTION)
     # |F_t| less what the scene's dampers and rounding may make of it.
-    tangential = np.maximum(surface_force.size - surface_force.other, 0.0)
-    limit = friction.mu_s * np.maximum(surface_force.normal, 0.0)
+    least_tangential = np.maximum(surface_force.tangential_size - surface_force.open_force, 0.0)
+    limit = friction.mu_s * np.maximum(surface_force.normal_force, 0.0)
     # |F_t| / (mu_s F_n); infinite where nothing presses the tool
-    shares = np.divide(tangential, limit, out=np.where(tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
+    shares = np.divide(least_tangential, limit, out=np.where(least_tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
     worst = worst_row(shares)
     share = float(shares[worst])
     # A force that hardly leans shows nothing of the friction.
@@ -253,14 +157,14 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         1.0 + CONE_ROUNDING,
         {
             **evidence_at(base, worst),
-            "normal_N": float(surface_force.normal[worst]),
-            "tangential_N": float(surface_force.size[worst]),
+            "normal_N": float(surface_force.normal_force[worst]),
+            "tangential_N": float(surface_force.tangential_size[worst]),
         },
         passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
         fails=(
-            f"leaves the cone: {surface_force.size[worst]:.4g} N along the surface at t = {base.time[worst]:.4g} s "
-            f"(tick {worst}), where mu_s = {friction.mu_s:g} holds {limit[worst]:.4g} N of "
-            f"{surface_force.normal[worst]:.4g} N across it"
+            f"leaves the cone: {surface_force.tangential_size[worst]:.4g} N along the surface at "
+            f"t = {base.time[worst]:.4g} s (tick {worst}), where mu_s = {friction.mu_s:g} holds "
+            f"{limit[worst]:.4g} N of {surface_force.normal_force[worst]:.4g} N across it"
         ),
     )
 
@@ -268,7 +172,8 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
 def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the force along the surface with mu_s F_n (4.18) where a tool that stuck begins to slide."""
     base, friction = runs.base, scene.effect(FRICTION)
-    # Ticks in which the tool begins to slide, after it has surely stuck.
+    # A tool that slides sticks again at the share `stick` of the kinetic cone, and may slide above that: below it, and
+    # below what any friction holds, it has surely stuck. `slips` are the ticks in which it then begins to slide.
     slips = _break_away_ticks(base, surface_force, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
     # 1 on the edge of the static cone (4.18)
     share = surface_force.share_of_cone(friction.mu_s)
@@ -276,12 +181,14 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
     step = largest_in_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]), earlier=1)
     # How much the normal force, N, changes in a tick near it.
-    press = largest_in_lag(np.abs(np.diff(surface_force.normal, prepend=surface_force.normal[:1])), earlier=1)
-    holds = friction.mu_s * surface_force.normal[slips - 1]
+    normal_force = surface_force.normal_force
+    normal_change = largest_in_lag(np.abs(np.diff(normal_force, prepend=normal_force[:1])), earlier=1)
+    holds = friction.mu_s * normal_force[slips - 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         # 2 K |dx| + mu_s |dF_n| and rounding: what the force may have lacked in the tick before.
-        open_ = 2.0 * scene.stiffness * step[slips] + friction.mu_s * press[slips] + surface_force.other[slips - 1]
-        allowed = np.where(holds > 0.0, open_ / holds, np.inf)
+        open_force = 2.0 * scene.stiffness * step[slips] + friction.mu_s * normal_change[slips]
+        open_force += surface_force.open_force[slips - 1]
+        allowed = np.where(holds > 0.0, open_force / holds, np.inf)
     # Known to a tenth, or to half of what lies between the static and the kinetic cone.
     clear = allowed <= max(TELLING_SHARE, BETWEEN_CONES * (1.0 - friction.mu_k / friction.mu_s))
     if not clear.any():
@@ -312,14 +219,14 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
     """
-    place = place_rounding(base)
+    rounding = ihip_rounding(base)
     length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
-    pressed = surface_force.normal > 0.0
+    pressed = surface_force.normal_force > 0.0
     # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
-    moves = (length > place) | ~pressed | ~np.append(False, pressed[:-1])
-    sticks = pressed & (surface_force.size <= surely * surface_force.normal)
+    moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
+    sticks = pressed & (surface_force.tangential_size <= surely * surface_force.normal_force)
     # At a corner the tool may change its face: there a step is no slip.
-    near = _by_a_corner(base, scene, length + place)
+    near = _by_a_corner(base, scene, length + rounding)
     ticks = np.flatnonzero(moves)
     return np.array(
         [
@@ -334,11 +241,21 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     )
 
 
+class _Creep(NamedTuple):
+    """How far, m, and how fast, m/s, the tool moves at most over the rows [first, stop), `seconds` long, that stick."""
+
+    speed: float
+    first: int
+    stop: int
+    distance: float
+    seconds: float
+
+
 def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
     base, friction = runs.base, scene.effect(FRICTION)
     pulled = surface_force.share_of_cone(friction.mu_k)
-    sticks = (surface_force.normal > 0.0) & (pulled <= STICKING_SHARE)
+    sticks = (surface_force.normal_force > 0.0) & (pulled <= STICKING_SHARE)
     # First rows and rows behind the last of the stretches that stick, by turns.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
     creeps = []
@@ -346,26 +263,27 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
         seconds = float(base.time[stop - 1] - base.time[first])
         # Long enough to tell creep from bending, and pulled hard enough to creep.
         if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLING_SHARE:
-            away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
-            creeps.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
+            distance = float(np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1).max())
+            creeps.append(_Creep(distance / seconds, int(first), int(stop), distance, seconds))
     if not creeps:
         return undecided(
             f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKING_SHARE:g} of what the friction "
             "holds"
         )
-    worst, first, stop, away, seconds = max(creeps)
-    share = float(np.median(pulled[first:stop]))
+    worst = max(creeps)
+    share = float(np.median(pulled[worst.first : worst.stop]))
     what = (
-        f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
+        f"{1e6 * worst.distance:.3g} um in {worst.seconds:.4g} s at {share:.2f} of the kinetic cone, "
+        f"from t = {base.time[worst.first]:.4g} s"
     )
     return compared(
-        FRICTION_STICKING.measured(worst),
+        FRICTION_STICKING.measured(worst.speed),
         CREEP_SPEED,
         {
-            **evidence_at(base, int(first)),
-            "to_time": float(base.time[stop - 1]),
-            "to_ihip": listed(base.ihip[stop - 1]),
-            "drift_m": away,
+            **evidence_at(base, worst.first),
+            "to_time": float(base.time[worst.stop - 1]),
+            "to_ihip": listed(base.ihip[worst.stop - 1]),
+            "drift_m": worst.distance,
             "share": share,
         },
         passes=f"a tool that sticks stays: {what}",
@@ -378,34 +296,32 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     base = runs.base
     friction = scene.effect(FRICTION)
     # The slip ds of a tick, along the surface.
-    step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), surface_force.normals)
+    step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), surface_force.unit_normals)
     length = np.linalg.norm(step, axis=1)
     # (4.20): F_t = -mu_k F_n ds / |ds|
-    braking = friction.mu_k * surface_force.normal
+    braking = friction.mu_k * surface_force.normal_force
     shape = scene.model.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
-    place = place_rounding(base)
+    rounding = ihip_rounding(base)
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
-    lag = length + (surface_force.size + surface_force.normal) / scene.stiffness
+    reach = length + (surface_force.tangential_size + surface_force.normal_force) / scene.stiffness
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        deviation = (
-            np.linalg.norm(surface_force.tangential + braking[:, np.newaxis] * step / length[:, np.newaxis], axis=1)
-            / braking
-        )
+        against_motion = braking[:, np.newaxis] * step / length[:, np.newaxis]
+        deviation = np.linalg.norm(surface_force.tangential_force + against_motion, axis=1) / braking
         # The tangent plane turns by curvature times that way; of first order only where it twists.
-        turned = twist * lag + (bend * lag) ** 2
-        allowed = surface_force.other / braking + turned + place / length + SLIDING_ROUNDING
-    # In the first tick of a contact the way is that of a free tool; one shorter than `place` allows any force.
+        turned = twist * reach + (bend * reach) ** 2
+        allowed = surface_force.open_force / braking + turned + rounding / length + SLIDING_ROUNDING
+    # In the first tick of a contact the way is that of a free tool; one of less than `rounding` allows any force.
     slides = np.roll(surface_force.pressed, 1) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
     # A slip over a corner has two directions.
-    slides &= ~_by_a_corner(base, scene, length + place)
+    slides &= ~_by_a_corner(base, scene, length + rounding)
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
     worst = int(ticks[worst_row((deviation - allowed)[ticks])])
     # The force against the motion, N, for the message.
-    against = -float(np.sum(surface_force.tangential[worst] * step[worst])) / float(length[worst])
+    against = -float(np.sum(surface_force.tangential_force[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"
     return compared(
         FRICTION_SLIDING.measured(deviation[worst]),
@@ -414,7 +330,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
             **evidence_at(base, worst),
             "against_N": against,
             "asked_N": float(braking[worst]),
-            "normal_N": float(surface_force.normal[worst]),
+            "normal_N": float(surface_force.normal_force[worst]),
             "ticks": int(ticks.size),
         },
         passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {comparison}",
@@ -440,40 +356,41 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     base = runs.base
     if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers the speed that its sensors show, and not the hand's")
-    (kind,) = (effect.kind for effect in scene.effects if effect.kind in FRICTION_FORCE.effects)
-    tangential = surface_force.tangential
+    (kind,) = (effect.kind for effect in scene.effects if effect.kind in LAWS_OF_SPEED)
+    tangential_force = surface_force.tangential_force
     if runs.without is not None:
         plain = runs.without(kind).force
         # What the renderer itself gives along the surface, without the friction, is not the law's.
-        tangential = tangential - along_surface(plain, surface_force.normals)
+        tangential_force = tangential_force - along_surface(plain, surface_force.unit_normals)
     # What the queue of a late renderer begins with is not of the law.
     judged = surface_force.pressed & (np.arange(len(base)) >= LAG_TICKS)
-    law = _friction_law(base, surface_force, scene)
-    straight = law(0.0, BRISTLE_PARTS)
+    law_force = _law_force(base, surface_force, scene)
+    straight = law_force(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
-    rounding = surface_force.other - viscous_coefficient(scene) * np.linalg.norm(surface_force.velocity, axis=1)
+    # What dampers add is open elsewhere. The one damper here is the law itself, which is asked: rounding is left.
+    rounding = surface_force.open_force - viscous_coefficient(scene) * np.linalg.norm(surface_force.velocity, axis=1)
     # The law with a held speed and with one that goes straight: what sampling leaves open.
-    doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
+    doubt = rounding + np.linalg.norm(law_force(0.0, 1) - straight, axis=1)
     if not (judged & (doubt <= TELLING_SHARE * strength)).any():
         return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
 
-    def late(parts: int) -> tuple[float, float]:
+    def best_lag(parts: int) -> tuple[float, float]:
         """Return the lag that explains what is off, and the misfit with it."""
         return believed_lag(
-            lambda lag: float(np.linalg.norm((tangential + law(lag, parts))[judged], axis=1).mean()),
+            lambda lag: float(np.linalg.norm((tangential_force + law_force(lag, parts))[judged], axis=1).mean()),
             float(doubt[judged].mean()),
         )
 
     # The lag of whichever of the two fits better.
-    lag = min(late(1), late(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
+    lag = min(best_lag(1), best_lag(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
     if lag:
-        stepped, straight = law(lag, 1), law(lag, BRISTLE_PARTS)
+        stepped, straight = law_force(lag, 1), law_force(lag, BRISTLE_PARTS)
         doubt = rounding + np.linalg.norm(stepped - straight, axis=1)
         # Between ticks it is not known which value the renderer had.
         if abs(lag - round(lag)) > WHOLE_LAG:
             doubt += beside_straight(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
-    deviation = np.linalg.norm(tangential + straight, axis=1)
+    deviation = np.linalg.norm(tangential_force + straight, axis=1)
     worst = worst_row(np.where(judged, deviation - doubt, -np.inf))
     what = (
         f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
@@ -488,62 +405,18 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     )
 
 
-def _friction_law(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Callable[[float, int], Array]:
+def _law_force(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Callable[[float, int], Array]:
     """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick: see `lugre_force`."""
     lugre = scene.effect(LUGRE)
     rows = np.arange(len(base), dtype=np.int64)
 
-    def law(lag: float, parts: int) -> Array:
-        moving = delayed(surface_force.velocity, rows, lag) if lag else surface_force.velocity
+    def at_lag(lag: float, parts: int) -> Array:
+        velocity = delayed(surface_force.velocity, rows, lag) if lag else surface_force.velocity
         if lugre is None:
-            return viscous_coefficient(scene) * moving
-        return lugre_force(lugre, replace(surface_force, velocity=moving), base.dt, parts)
+            return viscous_coefficient(scene) * velocity
+        return lugre_force(lugre, replace(surface_force, velocity=velocity), base.dt, parts)
 
-    return law
-
-
-def lugre_force(law: LuGre, surface_force: SurfaceForce, dt: float, parts: int) -> Array:
-    """Return -F_t of LuGre friction at each tick, (n, N), N, for a speed that is held over each of `parts` of a tick.
-
-    With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
-
-    The bristles' deflection z (m) obeys z' = v - sigma0 |v| z / g(v), and F_t = -(sigma0 z + sigma1 z' + sigma2 v):
-    Canudas de Wit et al. 1995. `dt` is in s.
-    """
-    now, pressed = surface_force.velocity, surface_force.normal > 0.0
-    press = np.where(pressed, surface_force.normal, 1.0)
-    before = np.concatenate([now[:1], now[:-1]])
-    # Over a tick z becomes a z + b.
-    grow, add = np.ones((len(now), 1)), np.zeros_like(now)
-    for part in range(parts):
-        velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
-        speed = np.linalg.norm(velocity, axis=1)[:, np.newaxis]
-        # Steady deflection g(v) / sigma0, where g grows with the press, and how z nears it over a part of a tick.
-        bend = press[:, np.newaxis] * law.limit(speed) / law.stiffness
-        decay = np.exp(-speed * dt / (parts * bend))
-        settled = np.divide(bend * velocity, speed, out=np.zeros_like(velocity), where=speed > 0.0)
-        grow, add = grow * decay, settled + (add - settled) * decay
-    # The bristles turn with the surface, and keep their length, but for what the press does not hold.
-    tiny, longest = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
-    free, bends = [0.0] * now.shape[1], []
-    bent = free
-    rows = zip(
-        pressed.tolist(), surface_force.normals.tolist(), grow[:, 0].tolist(), add.tolist(), longest, strict=True
-    )
-    for touches, normal, shrinks, added, holds in rows:
-        # The part of z along the normal goes; what is left in the tangent plane is stretched back to its length.
-        lifted = sum(map(mul, bent, normal))
-        laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
-        share = shrinks * min(math.hypot(*bent), holds) / max(math.hypot(*laid), tiny)
-        bent = [share * along + new for along, new in zip(laid, added, strict=True)] if touches else free
-        bends.append(bent)
-    z = np.array(bends)
-    speed = np.linalg.norm(now, axis=1)[:, np.newaxis]
-    # z' = v - sigma0 |v| z / g(v)
-    rate = now - law.stiffness * speed / (press[:, np.newaxis] * law.limit(speed)) * z
-    # sigma0 z + sigma1 z' + sigma2 v
-    force = law.stiffness * z + law.damping_at(speed) * rate + law.viscosity * now
-    return np.where(pressed[:, np.newaxis], force, 0.0)
+    return at_lag
 
 
 def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -561,17 +434,17 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     # held gives no more than its change times the way.
     across = np.max(
         [
-            np.abs(np.sum(moved * normals, axis=1))
-            for normals in (surface_force.normals[:-1], surface_force.normals[1:])
+            np.abs(np.sum(moved * unit_normals, axis=1))
+            for unit_normals in (surface_force.unit_normals[:-1], surface_force.unit_normals[1:])
         ],
         axis=0,
     )
-    change = np.abs(np.diff(surface_force.normal))
+    change = np.abs(np.diff(surface_force.normal_force))
     steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
-    before = np.concatenate([[0.0], length[:-1]])
+    length_before = np.concatenate([[0.0], length[:-1]])
     strength = np.linalg.norm(base.force[:-1], axis=1)
     # K |dx|^2 / 2 for a spring held over a tick, and B |dx| |dx before| / dt for a damper
-    allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before
+    allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * length_before
     allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
     # F . dx of a force that is held from row to row, J
     gained = np.sum(base.force[:-1] * moved, axis=1)
@@ -595,6 +468,17 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     )
 
 
+class _LapWork(NamedTuple):
+    """The hand's `work` over the rows [start, stop] of a lap and that of the law, J: off by a share of `law_work`."""
+
+    deviation: float
+    allowed: float
+    work: float
+    law_work: float
+    start: int
+    stop: int
+
+
 def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
     base = runs.base
@@ -613,27 +497,27 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     stored = _stored_energy(base, surface_force, scene)
     lap_works = []
     for start, stop in spans:
-        law = float(dissipated[start:stop].sum())
+        law_work = float(dissipated[start:stop].sum())
         work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
         # A lap in which nothing slips takes nothing, and has no share to be off by.
-        if law >= SLIP_WORK:
-            allowed = LAP_WORK + abs(float(doubt[start:stop].sum())) / law
-            lap_works.append((abs(work - law) / law, allowed, work, law, start, stop))
+        if law_work >= SLIP_WORK:
+            allowed = LAP_WORK + abs(float(doubt[start:stop].sum())) / law_work
+            lap_works.append(_LapWork(abs(work - law_work) / law_work, allowed, work, law_work, start, stop))
     if not lap_works:
         return undecided("the tool does not slip in any closed lap")
-    deviation, allowed, work, law, start, stop = max(lap_works, key=lambda lap_work: lap_work[0] - lap_work[1])
+    worst = max(lap_works, key=lambda lap_work: lap_work.deviation - lap_work.allowed)
     what = (
-        f"{1e3 * work:.5g} mJ in a lap from t = {base.time[start]:.4g} s to {base.time[stop]:.4g} s, where the "
-        f"friction takes {1e3 * law:.5g} mJ"
+        f"{1e3 * worst.work:.5g} mJ in a lap from t = {base.time[worst.start]:.4g} s to {base.time[worst.stop]:.4g} s, "
+        f"where the friction takes {1e3 * worst.law_work:.5g} mJ"
     )
     return compared(
-        FRICTION_WORK.measured(deviation),
-        allowed,
+        FRICTION_WORK.measured(worst.deviation),
+        worst.allowed,
         {
-            **evidence_at(base, stop),
-            "from_time": float(base.time[start]),
-            "work_J": work,
-            "law_J": law,
+            **evidence_at(base, worst.stop),
+            "from_time": float(base.time[worst.start]),
+            "work_J": worst.work,
+            "law_J": worst.law_work,
             "laps": len(lap_works),
         },
         passes=f"the hand puts in what the friction takes: {what}",
@@ -646,16 +530,15 @@ def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene,
     dissipated = np.zeros(len(moved))
     # A force that is off by so much between two ticks, over the way of tool and hand.
     travelled = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
-    doubt = surface_force.between[1:] * travelled
+    doubt = surface_force.open_between_ticks[1:] * travelled
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
-        after = surface_force.normals[1:]
-        across = np.sum(slip * after, axis=1)
-        along = np.linalg.norm(along_surface(slip, after), axis=1)
-        normal = surface_force.normal[1:]
+        unit_normals, normal_force = surface_force.unit_normals[1:], surface_force.normal_force[1:]
+        across = np.sum(slip * unit_normals, axis=1)
+        along = np.linalg.norm(along_surface(slip, unit_normals), axis=1)
         # The law's force after the slip, times the slip: mu_k F_n |ds|, and F_n times what the foot moves across
-        dissipated += normal * (friction.mu_k * along - across)
+        dissipated += normal_force * (friction.mu_k * along - across)
         # A law that is not the scene's spring: its difference does work on the slip, too.
         dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
         # K ds . (ds - dx) / 2: the spring relaxes by ds while the hand moves on by dx.
@@ -668,9 +551,11 @@ def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene,
     )
     if lugre is not None:
         stepped, straight = (lugre_force(lugre, surface_force, base.dt, parts) for parts in (1, BRISTLE_PARTS))
-        work = [0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)]
-        dissipated += work[1]
-        doubt += work[1] - work[0]
+        stepped_work, straight_work = (
+            0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)
+        )
+        dissipated += straight_work
+        doubt += straight_work - stepped_work
     return dissipated, doubt
 
 
@@ -678,10 +563,14 @@ def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -
     """Return the elastic energy of the spring between tool and hand at each tick, F^2 / (2 K): (n,), J."""
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
-    pull = surface_force.tangential + viscous_coefficient(scene) * surface_force.velocity
-    return np.asarray((surface_force.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
+    # Of F_t the spring's: viscous friction takes, and stores nothing.
+    pull = surface_force.tangential_force + viscous_coefficient(scene) * surface_force.velocity
+    return np.asarray((surface_force.normal_force**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
+STICKING_FORMULA = (
+    f"|ihip(t) - ihip(t0)| <= {1e7 * CREEP_SPEED:g} um in 10 s while |F_t| <= {STICKING_SHARE:g} mu_k F_n"
+)
 FRICTION_CONE = _check_of_friction(
     judge_cone,
     on_time=((*HAND, "ihip"), ("force",)),
@@ -703,7 +592,7 @@ FRICTION_STICKING = _check_of_friction(
     judge_sticking,
     id="friction-sticking",
     phenomenon="none of the six: static friction, thesis 4.3.3",
-    formula="|ihip(t) - ihip(t0)| <= 1 um in 10 s while |F_t| <= 0.6 mu_k F_n",
+    formula=STICKING_FORMULA,
     citation="thesis (4.18), (4.19)",
     metric="how fast the IHIP creeps while it is held",
     unit="m/s",
@@ -727,7 +616,7 @@ FRICTION_FORCE = _check_of_friction(
     siblings={"without": "the same path in the scene without the friction"},
     metric="force along the surface off that of the law",
     unit="N",
-    effects=(VISCOUS_FRICTION, LUGRE),
+    effects=LAWS_OF_SPEED,
     not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
 )
 FRICTION_ENERGY = _check_of_friction(
@@ -750,7 +639,7 @@ FRICTION_WORK = _check_of_friction(
     formula="-sum of F . dx = sum of mu_k F_n |ds| + K ds.(ds - dx) / 2 over a lap; b v_t . dx; or that of LuGre's F_t",
     citation="thesis (4.20)",
     metric="work of the hand less that of the friction's law, as a share of it",
-    effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
+    effects=FRICTIONS,
 )
 CHECKS = (
     FRICTION_CONE,

@@ -12,7 +12,8 @@ from hapticeval.effects.friction import Friction
 from hapticeval.geometry.catalogue import circle, line, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import friction
-from hapticeval.phenomena.checks.friction import _break_away_ticks, judge_with_lag, surface_force_of
+from hapticeval.phenomena.checks.friction import _break_away_ticks, judge_with_lag
+from hapticeval.phenomena.surface_force import surface_force_of
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 
@@ -216,8 +217,8 @@ def test_what_is_open_between_ticks_is_open_of_the_force():
     ihip, hip, force = pressed_and_pulled(np.full(5, 0.3))
     base, between = recorded(hip, ihip, force), 0.1 * np.arange(5.0)
     known, unknown = surface_force_of(base, SCENE), surface_force_of(base, SCENE, between)
-    np.testing.assert_allclose(unknown.other - known.other, between)
-    np.testing.assert_array_equal(unknown.between, between)
+    np.testing.assert_allclose(unknown.open_force - known.open_force, between)
+    np.testing.assert_array_equal(unknown.open_between_ticks, between)
 
 
 def test_a_tool_that_is_never_pressed_tells_nothing_of_a_friction():
@@ -240,7 +241,7 @@ class TestLateChannels:
 
         def judge(runs, parts):
             np.testing.assert_array_equal(
-                parts.tangential, surface_force_of(runs.base, SCENE, parts.between).tangential
+                parts.tangential_force, surface_force_of(runs.base, SCENE, parts.open_between_ticks).tangential_force
             )
             outcome, words = (PASS, "kept") if keeps(runs.base) else (FAIL, "broken")
             return Finding(outcome, words, Metric("off", 1.0, "N"), 0.5)
