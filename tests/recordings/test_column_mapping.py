@@ -207,6 +207,26 @@ def test_a_proposal_takes_units_from_headers_and_labels(tmp_path):
     assert 'columns = ["s"]\nunit = "mm"' in propose(table)
 
 
+def test_a_proposal_takes_units_from_the_ends_of_names():
+    rows = np.arange(9.0)
+    names = ("time_ms", "x_mm", "y_mm", "force_N", "x_s")
+    proposed = tomllib.loads(propose(Table(dict.fromkeys(names, rows + 1700000000.0))))
+    assert (proposed["time"]["column"], proposed["time"]["unit"]) == ("time_ms", "ms")
+    assert proposed["channels"]["hip"] == {"columns": ["x_mm", "y_mm"], "unit": "mm", "sign": 1}
+    assert proposed["channels"]["force"]["unit"] == "N"
+    text = propose(Table({"t_s": rows + 1.7e9, "x_m": rows, "y_m": rows}))
+    assert 'column = "t_s"  # 9 rows, 1700000000 to 1700000008\nunit = "s"' in text
+    # Of master and slave, not metres and seconds.
+    assert "[channels." not in text
+
+
+def test_a_proposal_reads_topics_that_slashes_part():
+    names = ("__time", "/arm/pose/position/x", "/arm/pose/position/y", "/arm/wrench/force/x", "/arm/wrench/force/y")
+    proposed = tomllib.loads(propose(Table({name: np.arange(9.0) for name in names})))
+    assert proposed["channels"]["hip"]["columns"] == list(names[1:3])
+    assert proposed["channels"]["force"]["columns"] == list(names[3:])
+
+
 def recording(valid=None):
     rows = np.arange(30.0)
     points = np.column_stack([np.sin(rows), np.cos(rows)])

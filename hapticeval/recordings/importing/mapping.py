@@ -245,9 +245,15 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
 
 
 CLOCK_NAME = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
-COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
+COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._/ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
 HEADER_UNIT = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
+
+SUFFIX_UNIT = re.compile(r"_(mm|cm|um|µm|ms|us|µs|ns|rad|mrad|deg|N|mN|Nm|mNm|Nmm)$")
+"""A unit that a name ends with, as in `x_mm`. Not m, s and g, which mean master, slave and gripper just as well."""
+
+SUFFIX_SECONDS = re.compile(r"_(s)$")
+"""The unit that the name of a clock may end with beside those."""
 
 LABEL_UNIT = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 """A unit that a label ends with."""
@@ -271,8 +277,9 @@ DIRECTED_CHANNELS = {"force", "operator_force", "measured_force", "joint_torque"
 def propose(table: Table, *, file: str = "FILE") -> str:
     """Return a mapping as TOML text, with a remark on all that the file does not state.
 
-    Units stand in it where the file states them. A position's sign is 1, which makes the file's axes the frame; the
-    sign of a force is `?`. A file that hapticeval wrote states everything, and its proposal can be used as it is.
+    Units stand in it where the file or the name of a column states them. A position's sign is 1, which makes the
+    file's axes the frame; the sign of a force is `?`. A file that hapticeval wrote states everything, and its proposal
+    can be used as it is.
     """
     ours = bool(table.attributes.get("hapticeval"))
     clock_names = clocks(table)
@@ -318,7 +325,7 @@ def clocks(table: Table) -> list[str]:
     clock_names = []
     for name, values in table.columns.items():
         # The last part of a path as `scope.time` or `/wrench.header.stamp`, without the unit in brackets.
-        leaf = re.split(r"[./]", HEADER_UNIT.sub("", name))[-1].strip()
+        leaf = SUFFIX_SECONDS.sub("", _without_unit(re.split(r"[./]", HEADER_UNIT.sub("", name))[-1].strip()))
         steps = np.diff(np.asarray(values))
         # Nine in ten steps go forward: a clock that stands still or jumps now and then is still the clock.
         if CLOCK_NAME.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
@@ -337,7 +344,8 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     others = [name for name in others if table.rows(name) == table.rows(clock)]
     if others:
         lines.append(f"# also increasing: {', '.join(others[:6])}")
-    unit = table.units.get(clock, NOT_STATED)
+    seconds = SUFFIX_SECONDS.search(clock)
+    unit = table.units.get(clock) or (seconds[1] if seconds else _unit(table, clock))
     # OpenHaptics counts the scheduler's ticks, whose rate is not in the file.
     if clock == "tick" and unit == NOT_STATED:
         lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
@@ -359,7 +367,7 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
         on_time_clock = table.rows(name) == rows and table.topics.get(name) == topic
         own = None if on_time_clock else clock_of.get(table.topics.get(name, ""))
         if name not in clock_names and (on_time_clock or own is not None):
-            plain = HEADER_UNIT.sub("", name).removesuffix(f"/{table.units.get(name)}")
+            plain = _without_unit(name).removesuffix(f"/{table.units.get(name)}")
             part = COMPONENT_NAME.fullmatch(plain)
             # `pos.x`, `pos.y` and `pos.z` share the stem `pos`, and become one channel.
             groups.setdefault((part["stem"] if part else plain, own), []).append(name)
@@ -397,9 +405,14 @@ def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> l
     ]
 
 
+def _without_unit(name: str) -> str:
+    """Return the name of a column without the unit that it ends with."""
+    return SUFFIX_UNIT.sub("", HEADER_UNIT.sub("", name))
+
+
 def _unit(table: Table, name: str) -> str:
-    """Return the unit that the file states, or that the label of a column ends with in brackets."""
-    stated = LABEL_UNIT.search(table.notes.get(name, ""))
+    """Return the unit that the file states, that the label of a column ends with in brackets, or its name."""
+    stated = LABEL_UNIT.search(table.notes.get(name, "")) or SUFFIX_UNIT.search(name)
     unit = table.units.get(name) or (stated[1].strip() if stated else NOT_STATED)
     try:
         parse_unit(unit)
@@ -412,6 +425,9 @@ def _remark(table: Table, name: str) -> str:
     """Return the rows, the range and the file's own words about a column."""
     values = table[name]
     finite = values[np.isfinite(values)]
-    span = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
+    ends = (finite.min(), finite.max()) if finite.size else ()
+    # A clock that counts from 1970 differs from its tenth digit on.
+    digits = 6 if len({f"{end:.6g}" for end in ends}) == len(set(ends)) else 13
+    span = " to ".join(f"{end:.{digits}g}" for end in ends) or "no number"
     note = f"; {table.notes[name]}" if name in table.notes else ""
     return " ".join(f"{values.size} rows, {span}{note}".split())
