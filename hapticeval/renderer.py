@@ -318,10 +318,10 @@ def _read_abilities(renderer: object) -> Abilities:
     if isinstance(ready, Abilities):
         return ready
     # One with both reset and step, and simulate, is asked tick by tick.
-    steps = _has_method(renderer, "reset") and _has_method(renderer, "step")
-    if not steps and not _has_method(renderer, "simulate"):
+    missing = [name for name in ("reset", "step") if not _has_method(renderer, name)]
+    if missing and not _has_method(renderer, "simulate"):
         raise RendererError(
-            f"the factory made a {type(renderer).__name__}, which is no renderer",
+            f"the factory made a {type(renderer).__name__}, which is no renderer: it has no {' and no '.join(missing)}",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see docs/write-a-renderer.md",
         )
@@ -346,7 +346,7 @@ def _read_abilities(renderer: object) -> Abilities:
             todo="give other values, or leave out what is not promised",
         )
     return Abilities(
-        steps=steps,
+        steps=not missing,
         run=_has_method(renderer, "run"),
         lead=_has_method(renderer, "lead"),
         observe_force=_has_method(renderer, "observe_force"),

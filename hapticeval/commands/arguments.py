@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, at
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
@@ -202,8 +202,10 @@ def model_named(text: str) -> Model:
         try:
             content = file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"cannot read the model file {file}", why=str(error)) from error
-        return (from_wkt if file.suffix == ".wkt" else from_geojson)(content, name=file.stem)
+            why = getattr(error, "strerror", None) or str(error)
+            raise InputError(f"cannot read the model file {file}", why=why, todo="check the path") from error
+        with at(str(file)):
+            return (from_wkt if file.suffix == ".wkt" else from_geojson)(content, name=file.stem)
     drawable = {name for name in MODELS if name not in KINDS_FROM_USER}
     if kind not in drawable:
         raise UnknownNameError("model", kind, drawable)

@@ -28,7 +28,7 @@ from hapticeval.commands.arguments import (
 )
 from hapticeval.commands.summary import github_annotations, summary, terminal_width
 from hapticeval.commands.terminal import Terminal, on_github, paragraphs, say, wrote_lines
-from hapticeval.errors import InputError
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import DEFAULT_LIMIT
 from hapticeval.suite import DEFAULT_SUITE
@@ -208,7 +208,13 @@ def run(
             shard=shard,
             scheduler=scheduler,
         )
-        return results if write_known is None else results.write_known(write_known)
+        if write_known is None:
+            return results
+        try:
+            return results.write_known(write_known)
+        except HapticevalError as error:
+            error.todo = error.todo or f"give another file; with --resume -o {directory} nothing is judged again"
+            raise
 
     # Once, or again after each change with --watch.
     def once() -> int:
@@ -270,8 +276,14 @@ def judge_and_summarise(
     ):
         # Progress goes to stderr while it runs; stdout has the summary alone, at the end.
         results = judge(terminal)
-        # None where the run was given up.
-        reports = _write_reports(results, terminal, interrupts) if report else [results.file]
+        write_error = None
+        try:
+            # None where the run was given up.
+            reports = _write_reports(results, terminal, interrupts) if report else [results.file]
+        except HapticevalError as error:
+            # As on a full disk: what was judged is told all the same.
+            error.todo = error.todo or f"the verdicts are kept: hapticeval report {results.folder} writes the reports"
+            reports, write_error = None, error
         opening = "" if opening_text is None else opening_text(results)
         written = [*(reports or [results.file]), *([known_file] if known_file else [])]
         say(paragraphs(opening, summary(results.document, written, verbose=verbose, width=terminal_width())))
@@ -279,6 +291,8 @@ def judge_and_summarise(
             say("to go on: the same command with --resume")
         if on_github():
             say(github_annotations(results.document))
+        if write_error is not None:
+            raise write_error
     return max(results.exit_code, int(interrupts.count > 0))
 
 

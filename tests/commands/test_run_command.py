@@ -13,6 +13,7 @@ import pytest
 from hapticeval import __version__
 from hapticeval.cli import main
 from hapticeval.commands import terminal
+from hapticeval.errors import HapticevalError
 from hapticeval.kernel_cache import kernel_folder
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import page_file, read_page
@@ -96,7 +97,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
                 "fail: local_mine:Jumps on slides/flat/continuous-contact",
             ],
         ),
-        (["-r", "local_mine:nothing"], 3, ["which is no renderer"]),
+        (["-r", "local_mine:nothing"], 3, ["which is no renderer: it has no reset and no step"]),
         (["-r", "constraint", "-r", "ideal", "-k", "flat"], 0, ["2 runs"]),
     ],
 )
@@ -174,6 +175,24 @@ def test_wrong_usage_and_input(here, capsys, arguments, code, what):
     assert what in shown.err
     assert shown.out == ""
     assert not (here / "results").exists()
+
+
+def test_what_was_judged_is_told_where_reports_cannot_be_written(here, capsys, monkeypatch):
+    def fill_disk(*_, **__):
+        raise HapticevalError("cannot write the report", why="No space left on device")
+
+    monkeypatch.setattr("hapticeval.api.Results.report", fill_disk)
+    assert main(["run", "slides.toml", "-r", "local_mine:Good", "-o", "out"]) == 2
+    shown = capsys.readouterr()
+    assert "4 of 4 planned verdicts ran" in shown.out
+    assert "wrote out/results.json" in shown.out
+    assert "what to do: the verdicts are kept: hapticeval report out writes the reports" in shown.err
+
+
+def test_a_list_of_known_failures_that_cannot_be_written_costs_no_second_run(here, capsys):
+    (here / "a_file").touch()
+    assert run("-r", "local_mine:Jumps", "-o", "out", "-k", "flat", "--write-known", "a_file/known.toml") == 2
+    assert "with --resume -o out nothing is judged again" in capsys.readouterr().err
 
 
 def test_only_an_earlier_run_is_overwritten(here):

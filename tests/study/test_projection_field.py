@@ -156,6 +156,10 @@ def test_models_by_name(refused, tmp_path):
             model_named(wrong)
     with refused(InputError):
         model_named(str(tmp_path / "nothing.wkt"))
+    open_outline = tmp_path / "open.wkt"
+    open_outline.write_text("POLYGON ((0 0, 1 0, 1 1))")
+    with refused(InputError):
+        model_named(str(open_outline))
 
 
 @pytest.mark.parametrize(
