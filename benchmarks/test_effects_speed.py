@@ -10,11 +10,12 @@ import numba
 import numpy as np
 import pytest
 
-from hapticeval.compiled import law_value, specialised
+from hapticeval.compiled import specialised
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.laws import law_value
 from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene

@@ -16,12 +16,13 @@ import numba
 import numpy as np
 import pytest
 
-from hapticeval.compiled import as_record, compiled
+from hapticeval.compiled import compiled
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.motion_kernels import solve
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.geometry.curve_kernels import project
+from hapticeval.records import as_record
 from hapticeval.renderers import set_stabilisation
 from hapticeval.renderers.stabilisation_laws import SET_GAINS, on_curve
 from hapticeval.scene import Scene

@@ -22,7 +22,7 @@ from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.compiled import LawData
+    from hapticeval.laws import LawData
 
 
 SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
@@ -232,7 +232,8 @@ class CompiledStep(NamedTuple):
         `velocities` (n, N), m/s, are the hand's, which nobody pushes; `dt` (n,), s. Writes into `answers` as far as it
         gets: returns the row at which the hand leaves its domain or it breaks, and its number, or n and 0.
         """
-        from hapticeval.compiled import for_kernels, law_value, lead_by_law
+        from hapticeval.compiled import for_kernels
+        from hapticeval.laws import law_value, lead_by_law
 
         # The law as a value first, compiled with all its ways in: `rows` then calls that code.
         law = law_value(self.function, self.data)

@@ -26,9 +26,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import LawData, as_record, compiled
+from hapticeval.compiled import compiled
 from hapticeval.geometry.surface import SURFACE, closest_on_surface
 from hapticeval.geometry.triples import Triple, dot, plus
+from hapticeval.laws import LawData
+from hapticeval.records import as_record
 from hapticeval.renderers.projective import PAST, as_rows, release
 from hapticeval.renderers.stabilisation_laws import BEYOND, FOCAL, SET_GAINS, contact_ends
 from hapticeval.types import Array, BoolArray, IntArray
@@ -58,7 +60,7 @@ def charts(data: LawData, y: Array, yd: Array, push: Array | None = None) -> tup
     `data` is that of the law; `push` (n, 3), N, is the hand's force as sensed, None without a sensor.
     """
     rows = [as_rows(vectors) for vectors in (y, yd, np.zeros_like(y) if push is None else push)]
-    one, two = (ChartAnswer(*_chart_many(number, data.params, data.segments[0], *rows)) for number in (1, 2))
+    one, two = (ChartAnswer(*_chart_many(number, data.params, data.pieces[0], *rows)) for number in (1, 2))
     return one, two
 
 
@@ -136,7 +138,7 @@ def by_charts(
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
     `force` (3,), N, are written. Returns BEYOND at the sphere's centre, and else 0.
     """
-    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.segments[0]
+    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.pieces[0]
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
     foot, normal, n = closest_on_surface(surface, y)
     bilateral = gains.bilateral != 0.0

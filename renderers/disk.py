@@ -127,11 +127,11 @@ def _ihip_and_normal(
 ) -> tuple[float, float, float, float]:
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
     if inside:
-        return frame(b.pieces, b.joints, piece_index(b.pieces, u), u, x, y)
+        return frame(b.pieces, b.joins, piece_index(b.pieces, u), u, x, y)
     if not bilateral:  # free space
         return x, y, 0.0, 0.0
     piece, u, _, _ = nearest_on(b, x, y)
-    return frame(b.pieces, b.joints, piece, u, x, y)
+    return frame(b.pieces, b.joins, piece, u, x, y)
 
 
 @compiled

@@ -15,11 +15,13 @@ of one of the two planes, at a concave one of both.
 
 from __future__ import annotations
 
-from hapticeval.compiled import LawData, as_record, borrowing, compiled, inner, record_type
+from hapticeval.compiled import borrowing, compiled, inner
 from hapticeval.geometry.kernels import LEAVES, RESTS
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
 from hapticeval.geometry.mesh_tool import fly_to_hand, walk_downhill
+from hapticeval.laws import LawData
+from hapticeval.records import as_record, record_type
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import (
     Outline,
@@ -79,7 +81,7 @@ def follow(
     status = LEAVES
     if touches:  # downhill in distance, from where the tool is
         status, piece, u = slide(
-            outline.pieces, outline.joints, as_record(params, GAINS).bilateral == 0.0, piece, u, x, y
+            outline.pieces, outline.joins, as_record(params, GAINS).bilateral == 0.0, piece, u, x, y
         )
     if status == LEAVES:  # free, or released just now: straight to the hand
         x0, y0 = tool.hip[0], tool.hip[1]
@@ -91,7 +93,7 @@ def follow(
     tool.piece, tool.u, tool.hip[0], tool.hip[1] = piece, u, x, y
     if not touches:
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(outline.pieces, outline.joints, piece, u, x, y)
+    ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(outline.pieces, outline.joins, piece, u, x, y)
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
 
 
@@ -121,7 +123,7 @@ def _fly(outline: Outline, released: bool, x0: float, y0: float, x: float, y: fl
         if not touches:
             return False, piece, u
         # a new contact: slide on from there, and off again where a corner lets it
-        status, piece, u = slide(outline.pieces, outline.joints, True, piece, u, x, y)
+        status, piece, u = slide(outline.pieces, outline.joins, True, piece, u, x, y)
         if status != LEAVES:
             return True, piece, u
         released = True
@@ -152,7 +154,7 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
         own=[mesh.touch],
         state=MESH_TOOL,
         begin=begin_on_mesh,
-        segments=faces,
+        pieces=faces,
         vertices=vertices,
         tree=tree,
     )
@@ -161,7 +163,7 @@ def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
 @compiled
 def begin_on_mesh(data: LawData, hip: Array) -> None:
     """Put the tool where a run starts with the hand at `hip` (3,), m: if that is inside, on the nearest point."""
-    faces, vertices, tree, tool = data.segments, data.vertices, data.tree, as_record(data.state, MESH_TOOL)
+    faces, vertices, tree, tool = data.pieces, data.vertices, data.tree, as_record(data.state, MESH_TOOL)
     hand = (hip[0], hip[1], hip[2])
     triangle, feature, foot = closest_feature(faces, vertices, tree, hand, 0)
     _, _, _, distance = closest_on_mesh(faces, vertices, tree, hand, triangle)
@@ -179,7 +181,7 @@ def follow_on_mesh(
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
+    faces, vertices, params, state = data.pieces, data.vertices, data.params, data.state
     gains, tool = as_record(params, MESH_GAINS), as_record(state, MESH_TOOL)
     hand, triangle, feature = (hip[0], hip[1], hip[2]), int(tool.triangle), int(tool.feature)
     place = (tool.place[0], tool.place[1], tool.place[2])

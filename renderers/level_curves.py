@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import LawData, as_record, as_records, borrowing, inner, record_type
+from hapticeval.compiled import borrowing, inner
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import (
@@ -49,6 +49,8 @@ from hapticeval.geometry.mesh_kernels import NORMAL_COLUMN, first_triangle_hit
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface, closest_on_surface
 from hapticeval.geometry.triples import dot, plus
+from hapticeval.laws import LawData
+from hapticeval.records import as_record, as_records, record_type
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import (
@@ -95,7 +97,7 @@ def homothetic(
             reach = 1.1 * float(np.linalg.norm(np.maximum(high - middle.point, middle.point - low)))
             return CompiledProjection(
                 homothetic_on_mesh, boundary, bilateral=scene.bilateral, own=[*potential_record(potential), reach],
-                potential=potential, support_range=middle.support_range, segments=faces, vertices=corners, tree=tree,
+                potential=potential, support_range=middle.support_range, pieces=faces, vertices=corners, tree=tree,
             )  # fmt: skip
         return CompiledProjection(
             homothetic_in_space, boundary, bilateral=scene.bilateral, own=potential_record(potential),
@@ -109,7 +111,7 @@ def homothetic(
     potential = potential_numbers(middle)
     return CompiledProjection(
         homothetic_in_plane, curve, bilateral=scene.bilateral, own=potential_record(potential), potential=potential,
-        support_range=middle.support_range, segments=curve.pieces,
+        support_range=middle.support_range, pieces=curve.pieces,
         lookup=ray_table(curve, middle.point), resolution=lengths[0], standoff=lengths[1],
     )  # fmt: skip
 
@@ -225,8 +227,8 @@ def homothetic_in_plane(
     params, state, centre = data.params, data.state, as_record(data.params, POTENTIAL, HOMOTHETIC).centre
     cx, cy = centre[0], centre[1]
     ex, ey = hip[0] - cx, hip[1] - cy
-    piece, u = on_ray(data.segments, data.lookup, cx, cy, ex, ey)
-    x, y, dx, dy, _, _ = evaluate(data.segments[piece], u)
+    piece, u = on_ray(data.pieces, data.lookup, cx, cy, ex, ey)
+    x, y, dx, dy, _, _ = evaluate(data.pieces[piece], u)
     wx, wy = x - cx, y - cy
     # 1 - lambda, by the projection of one on the other: they are parallel but for rounding
     shortfall = 1.0 - (ex * wx + ey * wy) / (wx * wx + wy * wy)
@@ -312,13 +314,13 @@ def homothetic_on_mesh(
     if hand_distance > 0.0:
         scale = length / hand_distance
         ray = (scale * from_centre[0], scale * from_centre[1], scale * from_centre[2])
-    triangle, ray_share = first_triangle_hit(data.segments, data.vertices, data.tree, centre, ray, 0.0, 1.0)
+    triangle, ray_share = first_triangle_hit(data.pieces, data.vertices, data.tree, centre, ray, 0.0, 1.0)
     shortfall = 1.0 - hand_distance / (ray_share * length)
     if as_record(params, GAINS).bilateral == 0.0 and not shortfall > 0.0:
         return release(state, hip, ihip, force)
     h = 0.0
     for i in range(3):
-        ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.segments[triangle, NORMAL_COLUMN + i]
+        ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.pieces[triangle, NORMAL_COLUMN + i]
         h += normal[i] * ray_share * ray[i]
     return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
 
@@ -362,7 +364,7 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
         row = model.surface.row[np.newaxis]
         return CompiledProjection(
             combescure_in_space, boundary, bilateral=scene.bilateral, own=[0.0, *potential_record(potential)],
-            potential=potential, support_range=middle.support_range, segments=row,
+            potential=potential, support_range=middle.support_range, pieces=row,
         )  # fmt: skip
     tables = representation_of(model, "curve").tables
     return CompiledProjection(
@@ -402,7 +404,7 @@ def _follow(data: LawData, x: float, y: float, piece: int, u: float) -> tuple[bo
     At each point t is such that the hand is on the tangent of the level curve there; what it misses the hand by along
     that, R = T.(x - y_t), changes along the surface by -A (1 - b kappa) + kappa R A' T.(y_0 - c) / v.
     """
-    pieces, potential = data.segments, as_record(data.params, POTENTIAL, COMBESCURE)
+    pieces, potential = data.pieces, as_record(data.params, POTENTIAL, COMBESCURE)
     support, cx, cy = potential.support, potential.centre[0], potential.centre[1]
     first_u, last_u = as_record(pieces, PIECE).u0, as_record(pieces, PIECE, pieces.shape[0] - 1).u1
     ex, ey = x - cx, y - cy
@@ -445,7 +447,7 @@ def _search(data: LawData, x: float, y: float) -> tuple[float, float, float, flo
         # the hand enlarged by 1 / A about the centre: at its level it lies b deep under its nearest point
         qx, qy = cx + (x - cx) / a, cy + (y - cy) / a
         piece, u, distance, side = nearest_on(boundary, qx, qy)
-        px, py, nx, ny = frame(boundary.pieces, boundary.joints, piece, u, qx, qy)
+        px, py, nx, ny = frame(boundary.pieces, boundary.joins, piece, u, qx, qy)
         if -side * distance > b:
             low = t
         else:
@@ -481,7 +483,7 @@ def combescure_in_plane(
     if not has_foot:
         has_foot, piece, u, t = _follow(data, x, y, piece, u)
     if has_foot:
-        ihip[0], ihip[1], normal[0], normal[1] = frame(boundary.pieces, boundary.joints, piece, u, x, y)
+        ihip[0], ihip[1], normal[0], normal[1] = frame(boundary.pieces, boundary.joins, piece, u, x, y)
     else:
         ihip[0], ihip[1], normal[0], normal[1], t = _search(data, x, y)
     cx, cy = potential.centre[0], potential.centre[1]
@@ -493,11 +495,11 @@ def combescure_in_plane(
 def combescure_in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick of the Combescure projection on an ellipsoid, whose row `segments` holds, of signature `LAW`.
+    """One tick of the Combescure projection on an ellipsoid, whose row `pieces` holds, of signature `LAW`.
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    row, params, state = data.segments[0], data.params, data.state
+    row, params, state = data.pieces[0], data.params, data.state
     potential, past = as_record(params, POTENTIAL, COMBESCURE), as_record(state, PAST)
     support, reach, hand = potential.support, potential.reach, (hip[0], hip[1], hip[2])
     centre = (potential.centre[0], potential.centre[1], potential.centre[2])

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import EMPTY_TABLE, LawData, as_record, borrowing, compiled, for_kernels, record_type
+from hapticeval.compiled import borrowing, compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
@@ -30,6 +30,8 @@ from hapticeval.geometry.polygon_kernels import nearest_kernel
 from hapticeval.geometry.representations import LevelSet, Polygon
 from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_operator
 from hapticeval.geometry.triples import dot
+from hapticeval.laws import EMPTY_TABLE, LawData
+from hapticeval.records import as_record, record_type
 from hapticeval.renderers.family import GRID_NODES, VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, Projection, once, regulate, release
@@ -50,11 +52,11 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     if isinstance(model.boundary, Mesh) and representation in ("curve", "polygon"):
         mesh, (faces, corners, tree) = model.boundary, model.boundary.tables
         return CompiledProjection(
-            on_mesh, mesh, bilateral=scene.bilateral, state=SEARCH, segments=faces, vertices=corners, tree=tree
+            on_mesh, mesh, bilateral=scene.bilateral, state=SEARCH, pieces=faces, vertices=corners, tree=tree
         )
     if model.dimension == 3 and representation == "curve":
         row = model.surface.row[np.newaxis]
-        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, exact=True, segments=row)
+        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, exact=True, pieces=row)
     if representation == "level-set" and model.curve.closed:
         return nearest_on_level_set(model, (int(grid), int(grid)), bilateral=scene.bilateral)
     shape = representation_of(model, representation, int(vertices))
@@ -78,7 +80,7 @@ def in_plane(
     piece, u, _, side = nearest_on(b, x, y)
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], normal[0], normal[1] = frame(b.pieces, b.joints, piece, u, x, y)
+    ihip[0], ihip[1], normal[0], normal[1] = frame(b.pieces, b.joins, piece, u, x, y)
     centripetal = 0.0
     if gains.scheme == PP_PD_C:
         # κ (t·ẏ)^2: how fast the curve bends away from under the hand
@@ -93,11 +95,11 @@ def in_plane(
 def in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick of minimum distance on a sphere or an ellipsoid, whose row `segments` holds, of signature `LAW`: (4.2).
+    """One tick of minimum distance on a sphere or an ellipsoid, whose row `pieces` holds, of signature `LAW`: (4.2).
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's; `ihip` (3,), m, and `force` (3,), N, are written.
     """
-    surface, params, state, gains = data.segments[0], data.params, data.state, as_record(data.params, GAINS)
+    surface, params, state, gains = data.pieces[0], data.params, data.state, as_record(data.params, GAINS)
     foot, normal, distance = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     if gains.bilateral == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
@@ -122,7 +124,7 @@ def on_mesh(
     """
     params, state, search = data.params, data.state, as_record(data.state, SEARCH)
     p, last = (hip[0], hip[1], hip[2]), int(search.triangle)
-    k, foot, normal, distance = closest_on_mesh(data.segments, data.vertices, data.tree, p, last)
+    k, foot, normal, distance = closest_on_mesh(data.pieces, data.vertices, data.tree, p, last)
     search.triangle = k  # the hand is near it at the next tick: the search begins there
     if as_record(params, GAINS).bilateral == 0.0 and not distance < 0.0:
         return release(state, hip, ihip, force)
@@ -162,7 +164,7 @@ GRID_GAINS = record_type("x0", "y0", "dx", "dy", base=GAINS)
 def contour_in(data: LawData) -> Contour:
     """Return the contour that a law works on, of the fields of its data; lengths in m."""
     grid = as_record(data.params, GRID_GAINS)
-    return Contour(data.segments, data.lookup, data.vertices, data.tree, grid.x0, grid.y0, grid.dx, grid.dy)
+    return Contour(data.pieces, data.lookup, data.vertices, data.tree, grid.x0, grid.y0, grid.dx, grid.dy)
 
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
@@ -200,7 +202,7 @@ def value_at(c: Contour, x: float, y: float) -> float:
 def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, float, float]:
     """Return the nearest point (m) of the contour, and the outward unit normal that holds the hand (x, y), m, there.
 
-    Between points of the cut outline that are equally near to a thousandth of a cell, either may be taken. At a joint
+    Between points of the cut outline that are equally near to a thousandth of a cell, either may be taken. At a join
     of two arcs every direction between their normals is one: there it is the direction between the two points.
     """
     count = c.arcs.shape[0]
@@ -209,7 +211,7 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
     t = _foot_share(c, arc, (edge % ARC_CHORDS + along) / ARC_CHORDS, x, y)
     px, py, nx, ny = _arc_point(c, arc, t)
     distance = math.hypot(x - px, y - py)
-    if t == 0.0 or t == 1.0:  # at a joint: the nearest point may be inside of the next arc
+    if t == 0.0 or t == 1.0:  # at a join: the nearest point may be inside of the next arc
         other = (arc - 1) % count if t == 0.0 else (arc + 1) % count
         s = _foot_share(c, other, 1.0 - t, x, y)
         qx, qy, mx, my = _arc_point(c, other, s)
@@ -346,7 +348,7 @@ def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) 
             todo=REFINE,
         )
     return CompiledProjection(
-        on_level_set, outline, bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), segments=c.arcs,
+        on_level_set, outline, bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), pieces=c.arcs,
         lookup=c.values, vertices=c.vertices, tree=c.tree, resolution=level_set.cell, standoff=standoff,
     )  # fmt: skip
 

@@ -21,20 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import (
-    EMPTY_TABLE,
-    LawData,
-    as_record,
-    as_records,
-    borrowing,
-    compiled,
-    for_kernels,
-    inner,
-    record_type,
-    room_for,
-)
+from hapticeval.compiled import borrowing, compiled, for_kernels, inner
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn, project
+from hapticeval.geometry.curve_kernels import SMOOTH_TURN, project, turn_at_join
 from hapticeval.geometry.kernels import (
     ARC,
     ARC_PIECE,
@@ -55,6 +44,8 @@ from hapticeval.geometry.kernels import (
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
+from hapticeval.laws import EMPTY_TABLE, LawData
+from hapticeval.records import as_record, as_records, record_type, room_for
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.projective import GAINS, once
 from hapticeval.types import Array
@@ -105,8 +96,8 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     return SAMPLED_RAISE * float(mixed_product), SAMPLED_RAISE * float(third_derivative)
 
 
-JOINT = record_type("turn", "bend", "bend_per_metre", "first_chord")
-"""A row of `Outline.joints`: the turn (rad) at the start of a piece, its two `third_bounds`, and its first chord."""
+JOIN = record_type("turn", "bend", "bend_per_metre", "first_chord")
+"""A row of `Outline.joins`: the turn (rad) at the start of a piece, its two `third_bounds`, and its first chord."""
 
 LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
@@ -127,16 +118,16 @@ def evaluate_at(pieces: Array, k: int, u: float) -> tuple[float, float, float, f
 
 @borrowing
 def slide(
-    pieces: Array, joints: Array, releases: bool, piece: int, u: float, x: float, y: float
+    pieces: Array, joins: Array, releases: bool, piece: int, u: float, x: float, y: float
 ) -> tuple[int, int, float]:
     """Slide the tool from (piece, u) downhill to the local minimum of the distance to a hand at (x, y), m (4.3).
 
-    `pieces` (n, k) and `joints` (n, 4) are those of an `Outline`. Returns RESTS or LEAVES, and the (piece, u) where.
+    `pieces` (n, k) and `joins` (n, 4) are those of an `Outline`. Returns RESTS or LEAVES, and the (piece, u) where.
 
     With `releases` (unilateral contact) it LEAVES where the HIP is above the tangent half-plane: of the piece it is on,
-    or, at a convex joint, of the piece it would go to.
+    or, at a convex join, of the piece it would go to.
 
-    At a concave joint it rests on the corner, or goes on where the next piece leads further downhill. A rest at a joint
+    At a concave join it rests on the corner, or goes on where the next piece leads further downhill. A rest at a join
     has u exactly at the end of its piece.
 
     From a point of exactly largest distance both ways lead downhill: it goes anticlockwise.
@@ -150,7 +141,7 @@ def slide(
         ex, ey = x - px, y - py
         if releases and ex * dy - ey * dx > 0.0:  # along the outward normal (dy, -dx): the hand is outside
             # at a concave corner the next face may still hold it
-            k = _other_wall(pieces, joints, piece, u, x, y) if onwards == 0.0 else -1
+            k = _other_wall(pieces, joins, piece, u, x, y) if onwards == 0.0 else -1
             if k < 0:
                 return LEAVES, piece, u
             wall = as_record(pieces, PIECE, k)
@@ -165,10 +156,10 @@ def slide(
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
         # M of the module, and the step to the first zero of the bound
-        joint = as_record(joints, JOINT, piece)
-        third_bound = joint.bend
-        if joint.bend_per_metre > 0.0:
-            third_bound += joint.bend_per_metre * math.hypot(ex, ey)
+        join = as_record(joins, JOIN, piece)
+        third_bound = join.bend
+        if join.bend_per_metre > 0.0:
+            third_bound += join.bend_per_metre * math.hypot(ex, ey)
         step = _first_zero(abs(g), slope, third_bound)
         next_u = u + onwards * step
         end = this_piece.u1 if onwards > 0.0 else this_piece.u0
@@ -181,11 +172,11 @@ def slide(
             continue
         if this_piece.kind == UNBOUNDED:
             return RESTS, piece, next_u
-        # the march reaches the joint with the next piece
+        # the march reaches the join with the next piece
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         next_piece = as_record(pieces, PIECE, k)
         start = next_piece.u0 if onwards > 0.0 else next_piece.u1
-        turn = as_record(joints, JOINT, k if onwards > 0.0 else piece).turn
+        turn = as_record(joins, JOIN, k if onwards > 0.0 else piece).turn
         px, py, dx, dy, _, _ = evaluate_at(pieces, k, start)
         ex, ey = x - px, y - py
         if releases and turn > -SMOOTH_TURN and ex * dy - ey * dx > 0.0:
@@ -209,30 +200,30 @@ def _first_zero(g: float, slope: float, third_bound: float) -> float:
 
 
 @borrowing
-def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> int:
+def _other_wall(pieces: Array, joins: Array, piece: int, u: float, x: float, y: float) -> int:
     """The piece that still holds the tool in a concave corner when it is free of `piece`, or -1."""
     count, this_piece = pieces.shape[0], as_record(pieces, PIECE, piece)
     if this_piece.kind == UNBOUNDED:
         return -1
     if u == this_piece.u1:
         k = (piece + 1) % count
-        turn, joint_u = as_record(joints, JOINT, k).turn, as_record(pieces, PIECE, k).u0
+        turn, join_u = as_record(joins, JOIN, k).turn, as_record(pieces, PIECE, k).u0
     elif u == this_piece.u0:
         k = (piece - 1) % count
-        turn, joint_u = as_record(joints, JOINT, piece).turn, as_record(pieces, PIECE, k).u1
+        turn, join_u = as_record(joins, JOIN, piece).turn, as_record(pieces, PIECE, k).u1
     else:
         return -1
     if turn > -SMOOTH_TURN:
         return -1
-    px, py, dx, dy, _, _ = evaluate_at(pieces, k, joint_u)
+    px, py, dx, dy, _, _ = evaluate_at(pieces, k, join_u)
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
 
 
 @inner
-def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
+def frame(pieces: Array, joins: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
     """Return the surface point (m) at (piece, u), and the outward unit normal that holds the HIP (x, y), m, there.
 
-    `pieces` (n, k) and `joints` (n, 4) are those of an `Outline`.
+    `pieces` (n, k) and `joins` (n, 4) are those of an `Outline`.
 
     At a corner every direction between the two faces' normals is one: there it is the direction between HIP and
     IHIP, which is continuous with the faces' normals, or their mean where the two points coincide.
@@ -246,7 +237,7 @@ def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float
     if this_piece.kind != UNBOUNDED and u in (this_piece.u0, this_piece.u1):
         count, is_last = pieces.shape[0], u == this_piece.u1
         k = (piece + 1) % count if is_last else (piece - 1) % count
-        turn = as_record(joints, JOINT, k if is_last else piece).turn
+        turn = as_record(joins, JOIN, k if is_last else piece).turn
         if abs(turn) > SMOOTH_TURN:
             neighbour = as_record(pieces, PIECE, k)
             _, _, dx, dy, _, _ = evaluate(pieces[k], neighbour.u0 if is_last else neighbour.u1)
@@ -271,7 +262,7 @@ class Outline(NamedTuple):
     """What is rendered, and the outline of chords in which collisions with it are looked for.
 
     - `pieces` as in `geometry.kernels`.
-    - `joints` (n, 4): a `JOINT` for each piece, the one where it starts.
+    - `joins` (n, 4): a `JOIN` for each piece, the one where it starts.
     - `samples`: the curve's table for its nearest point.
     - `vertices` (m, 2), m, and `tree`: the outline of chords, into which each piece is cut by equal steps of u.
     - `stray` (m): no chord strays from the curve by more. Zero for straight pieces.
@@ -280,7 +271,7 @@ class Outline(NamedTuple):
     """
 
     pieces: Array
-    joints: Array
+    joins: Array
     samples: Array
     vertices: Array
     tree: Array
@@ -295,7 +286,7 @@ OUTLINE_GAINS = record_type("stray", base=GAINS)
 def outline_in(data: LawData) -> Outline:
     """Return the boundary that a law works on."""
     stray = as_record(data.params, OUTLINE_GAINS).stray
-    return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, stray)
+    return Outline(data.pieces, data.joins, data.lookup, data.vertices, data.tree, stray)
 
 
 @inner
@@ -313,20 +304,20 @@ def outline_of(curve: Curve) -> Outline:
     """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
     pieces = for_kernels(curve.pieces)
     count = len(pieces)
-    joints = np.zeros((count, room_for(JOINT)))
-    at_joints, ranges = as_records(joints, JOINT), as_records(pieces, PIECE)  # the same memory
+    joins = np.zeros((count, room_for(JOIN)))
+    at_joins, ranges = as_records(joins, JOIN), as_records(pieces, PIECE)  # the same memory
     if not curve.closed:
-        return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
-    at_joints.turn, at_joints.first_chord = _turns(pieces), np.arange(count)
+        return Outline(pieces, joins, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
+    at_joins.turn, at_joins.first_chord = _turns(pieces), np.arange(count)
     if isinstance(curve, Polygon):
-        return Outline(pieces, joints, EMPTY_TABLE, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
+        return Outline(pieces, joins, EMPTY_TABLE, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
     cuts = np.ones(count, dtype=np.int64)
     curved = ranges.kind != LINE
     share = (ranges.u1[curved] - ranges.u0[curved]) / (end - start)
     cuts[curved] = np.maximum(16, np.ceil(CHORDS * share))
-    at_joints.bend, at_joints.bend_per_metre = third_bounds(pieces).T
-    at_joints.first_chord = np.cumsum(cuts) - cuts
+    at_joins.bend, at_joins.bend_per_metre = third_bounds(pieces).T
+    at_joins.first_chord = np.cumsum(cuts) - cuts
     us = np.concatenate([np.linspace(p.u0, p.u1, n, endpoint=False) for p, n in zip(ranges, cuts, strict=True)])
     vertices = evaluate_many(pieces, us)[:, :2]
     # a chord strays from its arc by about the sagitta, at the middle of the parameter; twice that is on the safe side
@@ -335,14 +326,14 @@ def outline_of(curve: Curve) -> Outline:
     polygon = Polygon(vertices)
     stray = 2.0 * float(sagitta.max()) if curved.any() else 0.0
     samples = for_kernels(curve.samples)
-    return Outline(pieces, joints, samples, for_kernels(polygon.vertices), for_kernels(polygon.tree), stray)
+    return Outline(pieces, joins, samples, for_kernels(polygon.vertices), for_kernels(polygon.tree), stray)
 
 
 @compiled
 def _turns(pieces: Array) -> Array:
     out = np.empty(pieces.shape[0])
     for k in range(pieces.shape[0]):
-        out[k] = joint_turn(pieces, k)
+        out[k] = turn_at_join(pieces, k)
     return out
 
 
@@ -399,7 +390,7 @@ def first_entry(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving:
     if distance > b.stray:
         # deep inside without a crossing: it started between curve and chord
         near, v, _, _ = nearest_on(b, x0, y0)
-        _, near, v = slide(b.pieces, b.joints, False, near, v, x1, y1)
+        _, near, v = slide(b.pieces, b.joins, False, near, v, x1, y1)
         px, py, dx, dy, _, _ = evaluate(b.pieces[near], v)
         if (x1 - px) * dy - (y1 - py) * dx < 0.0:
             return True, near, v
@@ -412,13 +403,13 @@ def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     low, high = 0, b.pieces.shape[0] - 1
     while low < high:  # the last piece whose first chord is not after this one
         middle = (low + high + 1) // 2
-        if as_record(b.joints, JOINT, middle).first_chord <= chord:
+        if as_record(b.joins, JOIN, middle).first_chord <= chord:
             low = middle
         else:
             high = middle - 1
-    first, after = as_record(b.joints, JOINT, low).first_chord, float(b.vertices.shape[0])
+    first, after = as_record(b.joins, JOIN, low).first_chord, float(b.vertices.shape[0])
     if low + 1 < b.pieces.shape[0]:
-        after = as_record(b.joints, JOINT, low + 1).first_chord
+        after = as_record(b.joins, JOIN, low + 1).first_chord
     share = (chord - first + t) / (after - first)
     piece = as_record(b.pieces, PIECE, low)
     return low, piece.u0 + share * (piece.u1 - piece.u0)
@@ -438,7 +429,7 @@ class Representation:
         """What a compiled projection on it is made of, see `outline_in`."""
         b = self.outline
         return {
-            "segments": b.pieces, "joints": b.joints, "lookup": b.samples, "vertices": b.vertices, "tree": b.tree,
+            "pieces": b.pieces, "joins": b.joins, "lookup": b.samples, "vertices": b.vertices, "tree": b.tree,
             "own": (b.stray,), "resolution": self.resolution, "standoff": self.standoff,
         }  # fmt: skip
 

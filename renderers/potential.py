@@ -47,7 +47,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import as_record, as_records, borrowing, compiled, for_kernels, inner, numbers_of, record_type
+from hapticeval.compiled import borrowing, compiled, for_kernels, inner
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
@@ -55,6 +55,7 @@ from hapticeval.geometry.curve_kernels import NODES, WEIGHTS
 from hapticeval.geometry.kernels import ARC, LINE, PIECE, evaluate_many
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
+from hapticeval.records import as_record, as_records, numbers_of, record_type
 from hapticeval.types import Array, IntArray
 
 POTENTIAL = record_type("support", "reach", centre=3)

@@ -16,24 +16,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import (
-    LAW,
-    LawData,
-    as_record,
-    borrowing,
-    compiled,
-    first_class,
-    for_kernels,
-    inner,
-    law_data,
-    numbers_of,
-    record_type,
-    room_for,
-)
+from hapticeval.compiled import borrowing, compiled, first_class, for_kernels, inner
 from hapticeval.errors import DomainError, InputError, in_m
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
+from hapticeval.laws import LAW, LawData, law_data
 from hapticeval.recordings.recording import path_velocities
+from hapticeval.records import as_record, numbers_of, record_type, room_for
 from hapticeval.renderer import SCHEMES, STIFFNESS_LIMITS, Answers, CompiledStep, Declaration, Response
 from hapticeval.renderers.potential import POTENTIAL, potential_record, stiffness_range, stretch_at
 from hapticeval.renderers.regulation import (

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import law_data, numbers_of, room_for
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError, in_m
@@ -16,8 +15,10 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface
+from hapticeval.laws import law_data
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
+from hapticeval.records import numbers_of, room_for
 from hapticeval.renderer import CompiledStep, Declaration
 from hapticeval.renderers.atlas import active_charts, by_charts, charts
 from hapticeval.renderers.projective import LawRenderer
@@ -64,7 +65,7 @@ class CurveStabilisation(Stabilisation):
 
     def __init__(self, scene: Scene) -> None:
         curve = smooth_curve(scene.model)
-        super().__init__(scene, on_curve, curve, segments=curve.pieces, lookup=curve.samples)
+        super().__init__(scene, on_curve, curve, pieces=curve.pieces, lookup=curve.samples)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (2,), m, where 1 + n κ <= 0, as `what` says."""
@@ -151,7 +152,7 @@ class SurfaceStabilisation(Stabilisation):
                 why="the charts of (7.45) to (7.56) are those of the sphere",
                 todo="use set-stabilisation as it is, which needs no charts",
             )
-        super().__init__(scene, by_charts if atlas else on_surface, surface, segments=surface.row[np.newaxis])
+        super().__init__(scene, by_charts if atlas else on_surface, surface, pieces=surface.row[np.newaxis])
         self._scene = scene
         self._atlas = atlas
 

@@ -65,11 +65,13 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import LawData, as_record, compiled, record_type
+from hapticeval.compiled import compiled
 from hapticeval.geometry.curve_kernels import nearest_with_values
 from hapticeval.geometry.kernels import curvature_rate
 from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_operator, shape_operator_change
 from hapticeval.geometry.triples import Triple, dot
+from hapticeval.laws import LawData
+from hapticeval.records import as_record, record_type
 from hapticeval.renderers.projective import PAST, release
 from hapticeval.types import Array
 
@@ -106,10 +108,10 @@ def on_curve(
     """One tick of set stabilisation on a plane curve, of signature `LAW`: the module's force in the plane.
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's, `push` (2,), N, its force as sensed; `ihip` (2,), m, and
-    `force` (2,), N, are written. `segments` and `lookup` are those of `geometry.curve_kernels`. Returns BEYOND at the
+    `force` (2,), N, are written. `pieces` and `lookup` are those of `geometry.curve_kernels`. Returns BEYOND at the
     centre of curvature, and else 0.
     """
-    gains, state, pieces = as_record(data.params, SET_GAINS), data.state, data.segments
+    gains, state, pieces = as_record(data.params, SET_GAINS), data.state, data.pieces
     bilateral = gains.bilateral != 0.0
     k, u, distance, side, (px, py, dx, dy, ddx, ddy) = nearest_with_values(pieces, data.lookup, hip[0], hip[1])
     n = side * distance
@@ -149,12 +151,12 @@ def on_curve(
 def on_surface(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """One tick of set stabilisation on a surface in space, whose row `segments` holds, of signature `LAW`.
+    """One tick of set stabilisation on a surface in space, whose row `pieces` holds, of signature `LAW`.
 
     `hip` (3,), m, and `velocity` (3,), m/s, are the hand's, `push` (3,), N, its force as sensed; `ihip` (3,), m, and
     `force` (3,), N, are written. Returns BEYOND at a focal point of the surface, and else 0.
     """
-    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.segments[0]
+    gains, state, surface = as_record(data.params, SET_GAINS), data.state, data.pieces[0]
     foot, normal, n = closest_on_surface(surface, (hip[0], hip[1], hip[2]))
     bilateral = gains.bilateral != 0.0
     if not bilateral and n > 0.0 and as_record(state, PAST).in_contact == 0.0:

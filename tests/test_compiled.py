@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from hapticeval import kernel_cache
-from hapticeval.compiled import as_record, compiled, for_kernels, numbers_of, record_type, room_for
+from hapticeval.compiled import compiled, for_kernels
+from hapticeval.records import as_record, numbers_of, record_type, room_for
 
 KERNEL = """
 from hapticeval.compiled import compiled

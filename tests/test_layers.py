@@ -16,8 +16,8 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "pulse", "kernel_cache"},
-    {"errors", "compiled", "extras"},
-    {"bracket"},
+    {"errors", "compiled", "records", "extras"},
+    {"bracket", "laws"},
     {"documents"},
     {"files", "geometry", "quantity", "workers"},
     {"devices", "recordings"},

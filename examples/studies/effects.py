@@ -21,11 +21,12 @@ import typer
 from hapticeval.cli import run_program
 from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote_lines
-from hapticeval.compiled import Composed, change_rows, for_kernels, law_value, specialised
+from hapticeval.compiled import for_kernels, specialised
 from hapticeval.discovery import resolve
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import HapticevalError
 from hapticeval.examples.studies.flags import answer_rows, flagged_law
+from hapticeval.laws import Composed, change_rows, law_value
 from hapticeval.quantity import align_columns
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Batch, CompiledStep, Renderer, abilities_of

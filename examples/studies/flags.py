@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from hapticeval.compiled import Closest, Composed, LawData, Numbers, borrowing
+from hapticeval.compiled import borrowing
+from hapticeval.laws import ChangeData, Closest, Composed, LawData
 from hapticeval.renderer import CompiledStep
 from hapticeval.types import Array
 
 
 class Flagged(NamedTuple):
-    """What the engine's step works on: a renderer's `law`, and the numbers of all effects with their `flags` (n,)."""
+    """What the engine's step works on: a renderer's `law`, and the data of all effects with their `flags` (n,)."""
 
     law: Callable[..., int]
     data: LawData
-    numbers: tuple[Numbers, ...]
+    change_data: tuple[ChangeData, ...]
     flags: Array
     closest: Closest
 
@@ -34,15 +35,15 @@ def flagged_law(composed: Composed) -> tuple[CompiledStep, Array]:
 
     @_compile_inlining
     def answer(data: Flagged, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
-        """Answer a `hip` (N,), m, with `ihip` (N,), m, and `force` (N,), N, both written; see `compiled.LAW`."""
+        """Answer a `hip` (N,), m, with `ihip` (N,), m, and `force` (N,), N, both written; see `laws.LAW`."""
         exit_number = data.law(data.data, hip, velocity, push, dt, ihip, force)
         if exit_number != 0:
             return exit_number
         return chain(data, hip, velocity, dt, ihip, force)
 
     flags = np.zeros(len(functions))
-    numbers = tuple(change.numbers for change in composed.changes)
-    data: Any = Flagged(composed.law, composed.data, numbers, flags, composed.closest)
+    change_data = tuple(change.data for change in composed.changes)
+    data: Any = Flagged(composed.law, composed.data, change_data, flags, composed.closest)
     return CompiledStep(answer, data, {}), flags
 
 
@@ -55,13 +56,13 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
 
     @_compile_inlining
     def change_flagged(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
-        """Change `ihip` (N,), m, and `force` (N,), N, by each effect whose flag is set; see `compiled.CHANGE`."""
+        """Change `ihip` (N,), m, and `force` (N,), N, by each effect whose flag is set; see `laws.CHANGE`."""
         exit_number = before(data, hip, velocity, dt, ihip, force)
         if exit_number != 0:
             return exit_number
         # The test at each tick whose cost is measured: a flag of this change, as a number.
         if data.flags[last] != 0.0:
-            return change(data.numbers[last], data.closest, hip, velocity, dt, ihip, force)
+            return change(data.change_data[last], data.closest, hip, velocity, dt, ihip, force)
         return 0
 
     return change_flagged

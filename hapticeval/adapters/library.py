@@ -21,9 +21,11 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
+from hapticeval.adapters.c_calls import call_clock, call_step
 from hapticeval.adapters.outside import Outside
-from hapticeval.compiled import LawData, borrowing, call_clock, call_step, law_data
+from hapticeval.compiled import borrowing
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
+from hapticeval.laws import LawData, law_data
 from hapticeval.pulse import PENDING_SIZE, pending_memory
 from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import RANGE_WORDS, Answers, CompiledStep, Declaration, Response, Spring

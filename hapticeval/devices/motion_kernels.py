@@ -22,19 +22,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import typeof, types
 
-from hapticeval.compiled import (
-    DYNAMICS,
-    KINEMATICS,
-    MARGIN,
-    VECTOR,
-    FirstClass,
-    as_record,
-    borrowing,
-    first_class,
-    inner,
-    record_type,
-)
+from hapticeval.compiled import FirstClass, borrowing, first_class, inner
 from hapticeval.devices.integration import Method, control
+from hapticeval.laws import DYNAMICS, KINEMATICS, MARGIN, VECTOR
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -140,9 +140,9 @@ class Parallelogram(ABC):
     @property
     def kernels(self) -> CompiledDevice:
         """For compiled loops; the methods call them too."""
-        from hapticeval.compiled import compiled_once
+        from hapticeval.compiled import compiled_on_demand
 
-        return CompiledDevice(*map(compiled_once, (*self._equations, margin)))
+        return CompiledDevice(*map(compiled_on_demand, (*self._equations, margin)))
 
     def position(self, joints: ArrayLike) -> Array:
         """Return where the hand is at `joints` (N,), rad: y = h(x) of (2.28) or (2.36), (N,), m, zero at home."""

@@ -34,9 +34,9 @@ class PointMass:
     @property
     def kernels(self) -> CompiledDevice:
         """For compiled loops."""
-        from hapticeval.compiled import compiled_once
+        from hapticeval.compiled import compiled_on_demand
 
-        return CompiledDevice(*map(compiled_once, (kinematics, dynamics, margin)))
+        return CompiledDevice(*map(compiled_on_demand, (kinematics, dynamics, margin)))
 
     def position(self, joints: Array) -> Array:
         """Return where the hand is at `joints` (N,), m: there (2.24)."""

@@ -88,8 +88,8 @@ class Friction(Effect):
 
     def change(self, scene: Calling) -> Part:
         """Assemble the tool's lag behind the renderer's IHIP: `params` and `state` as `slide` takes them."""
-        from hapticeval.compiled import numbers_of
         from hapticeval.effects.friction_kernels import CONE, FRICTION_ROWS, slide
+        from hapticeval.records import numbers_of
 
         params = numbers_of(
             CONE, stiffness=scene.stiffness, mu_s=self.mu_s, mu_k=self.mu_k, stick=self.stick, bilateral=scene.bilateral

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from hapticeval.bracket import narrow_bracket
-from hapticeval.compiled import Closest, Numbers, as_record, inner, record_type
+from hapticeval.compiled import inner
+from hapticeval.laws import ChangeData, Closest
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 CONE = record_type("stiffness", "mu_s", "mu_k", "stick", "bilateral")
@@ -123,7 +125,7 @@ def excess_of(normal_force: float, tangential_force: float, onwards: bool, kinet
 
 
 def slide(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Hold the tool or let it slide for one tick, and add the spring K (s - p) of its lag to the force.
 
@@ -133,9 +135,9 @@ def slide(
     - `hip` (N,), m: the HIP.
     - `ihip` (N,), m: on entry the renderer's IHIP p, on return the tool's place s.
     - `force` (N,), N: on entry the renderer's force F_b, on return F_b + K (s - p).
-    - `numbers.params` is the record `CONE`, `numbers.state` (FRICTION_ROWS, N).
+    - `data.params` is the record `CONE`, `data.state` (FRICTION_ROWS, N).
     """
-    cone, state, dimension = as_record(numbers.params, CONE), numbers.state, hip.shape[0]
+    cone, state, dimension = as_record(data.params, CONE), data.state, hip.shape[0]
     # each is two rows: a place on the surface (m), and the outward unit normal there
     tool, target, trial = state[0:2], state[2:4], state[4:6]
     pressing_force, point, mode, bulge = state[6], state[7], state[8], state[9]

@@ -46,7 +46,7 @@ from hapticeval.errors import InputError
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.compiled import Closest, Numbers
+    from hapticeval.laws import ChangeData, Closest
 
 RELATIVE_SPEEDS = np.logspace(-6.0, 3.0, 4096)
 """Speeds, in v_s, at which a damping that fades is held against sigma2: 0.5 % apart, so to 1e-5 at its maximum."""
@@ -138,18 +138,18 @@ class LuGre(Effect):
 
 
 def bend_bristles(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
     """Bend the bristles by one tick and add their force to `force`: the module's model, by its exact step.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `dt`, s, `force` (N,), N.
 
-    - `numbers.params` (8,): sigma0 (N/m), sigma1 and sigma2 (N s/m), mu_s, mu_k, v_s and fade (m/s), and 1 where the
+    - `data.params` (8,): sigma0 (N/m), sigma1 and sigma2 (N s/m), mu_s, mu_k, v_s and fade (m/s), and 1 where the
       surface is bilateral.
-    - `numbers.state` (3, N): z, m, and place (m) and outward unit normal of the IHIP.
+    - `data.state` (3, N): z, m, and place (m) and outward unit normal of the IHIP.
     """
-    stiffness, damping, viscosity, static, kinetic = numbers.params[:5]
-    deflection, normal, dimension = numbers.state[0], numbers.state[2], hip.shape[0]
+    stiffness, damping, viscosity, static, kinetic = data.params[:5]
+    deflection, normal, dimension = data.state[0], data.state[2], hip.shape[0]
     error_squared, force_squared = 0.0, 0.0  # |IHIP - HIP|^2, m^2; N^2
     for i in range(dimension):
         error_squared += (ihip[i] - hip[i]) ** 2
@@ -157,7 +157,7 @@ def bend_bristles(
     if force_squared == 0.0:  # free space: the bristles are straight when the next contact begins
         deflection[:] = 0.0
         return 0
-    closest.function(closest.data, ihip, numbers.state[1:3])
+    closest.function(closest.data, ihip, data.state[1:3])
     force_on_error, force_on_normal, velocity_on_normal = 0.0, 0.0, 0.0
     deflection_squared, deflection_on_normal = 0.0, 0.0
     for i in range(dimension):
@@ -169,7 +169,7 @@ def bend_bristles(
     # F_n: the force's part along the error or along the normal, whichever is larger; zero where a unilateral surface
     # would pull
     normal_force = abs(force_on_error) / np.sqrt(error_squared) if error_squared > 0.0 else 0.0
-    normal_force = max(normal_force, abs(force_on_normal)) if force_on_normal > 0.0 or numbers.params[7] == 1.0 else 0.0
+    normal_force = max(normal_force, abs(force_on_normal)) if force_on_normal > 0.0 or data.params[7] == 1.0 else 0.0
     tangential_squared, speed_squared = 0.0, 0.0  # of z and of the velocity along the surface: m^2, (m/s)^2
     for i in range(dimension):
         tangential_squared += (deflection[i] - deflection_on_normal * normal[i]) ** 2
@@ -178,8 +178,8 @@ def bend_bristles(
     # they slip to |z| <= mu_s F_n / sigma0 where the hand presses less than before
     deflection_length = min(np.sqrt(deflection_squared), static * normal_force / stiffness)
     # g(v) and sigma1(v) of the module
-    sliding_force = normal_force * (kinetic + (static - kinetic) * np.exp(-((speed / numbers.params[5]) ** 2)))
-    damping *= np.exp(-((speed / numbers.params[6]) ** 2))
+    sliding_force = normal_force * (kinetic + (static - kinetic) * np.exp(-((speed / data.params[5]) ** 2)))
+    damping *= np.exp(-((speed / data.params[6]) ** 2))
     relaxation_rate = stiffness * speed / sliding_force if sliding_force > 0.0 else 0.0  # sigma0 |v| / g, 1/s
     for i in range(dimension):
         tangential_velocity = velocity[i] - velocity_on_normal * normal[i]

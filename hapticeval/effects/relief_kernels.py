@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, Numbers, as_record, borrowing, record_type
+from hapticeval.compiled import borrowing
+from hapticeval.laws import FOOT, NORMAL, SHAPE, ChangeData, Closest
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 RELIEF = record_type("stiffness", "bilateral", "wave", "amplitude", unit=3)
@@ -95,18 +97,18 @@ def gradient_at_depth(frame: Array, depth: float, slope: Array) -> bool:
 
 
 def raise_surface(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Change an answer of the nearest point to that of the raised surface, as `HeightMap` has it.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `force` (N,), N. Returns 1 where the IHIP is not
     the nearest point, 2 at the medial axis, and else 0.
     """
-    relief, count = as_record(numbers.params, RELIEF), hip.shape[0]
-    frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
+    relief, count = as_record(data.params, RELIEF), hip.shape[0]
+    frame, slope = data.state[: 3 + count], data.state[3 + count]
     foot, normal = frame[FOOT], frame[NORMAL]
     depth = -closest.function(closest.data, hip, frame)
-    height = height_and_slope(numbers.params, numbers.samples, frame, slope)
+    height = height_and_slope(data.params, data.samples, frame, slope)
     bilateral, stiffness = relief.bilateral != 0.0, relief.stiffness
     if not bilateral and depth + height <= 0.0:  # the hand is above the relief: free space
         for i in range(count):
@@ -129,17 +131,17 @@ def raise_surface(
 
 
 def turn_normal(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Turn the force's part along the normal by the relief's slope, as `BumpMap` has it (4.16).
 
     The signature is that of `Effect.change`: `ihip` (N,), m, `force` (N,), N. Returns 0: it is defined everywhere.
     """
     count = hip.shape[0]
-    frame, slope = numbers.state[: 3 + count], numbers.state[3 + count]
+    frame, slope = data.state[: 3 + count], data.state[3 + count]
     normal = frame[NORMAL]
     closest.function(closest.data, ihip, frame)
-    height_and_slope(numbers.params, numbers.samples, frame, slope)
+    height_and_slope(data.params, data.samples, frame, slope)
     force_on_normal, slope_squared = 0.0, 0.0
     for i in range(count):
         force_on_normal += force[i] * normal[i]

@@ -152,9 +152,9 @@ class Relief(Effect):
 
     def _part(self, scene: Calling, function: Callable[..., int]) -> Part:
         """Assemble a change: `params` as `relief_kernels` names them, the spline's cells, and rows of N to work in."""
-        from hapticeval.compiled import numbers_of
         from hapticeval.effects.relief_kernels import RELIEF
         from hapticeval.geometry.boundary import closest_of
+        from hapticeval.records import numbers_of
 
         boundary, size = scene.model.boundary, scene.model.dimension
         wavelength, unit = self.wavelength, self._unit

@@ -58,8 +58,8 @@ class Shading(Effect):
 
         Raises `RefusalError` for a boundary that has no facets.
         """
-        from hapticeval.compiled import as_records
         from hapticeval.effects import shading_kernels as kernels
+        from hapticeval.records import as_records
 
         if isinstance(scene.model.boundary, Mesh):
             corners = mesh_corners(scene.model.boundary, self.crease)
@@ -150,8 +150,8 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
 
     `shading_kernels.shade` turns it so. `crease` is in degrees. Both are the same on a boundary without facets.
     """
-    from hapticeval.compiled import as_records
     from hapticeval.effects.shading_kernels import SHADED_FACET
+    from hapticeval.records import as_records
 
     ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
     if isinstance(boundary, Mesh):

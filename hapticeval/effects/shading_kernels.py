@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import FOOT, Closest, Numbers, as_record, borrowing, record_type
+from hapticeval.compiled import borrowing
 from hapticeval.geometry.mesh_kernels import CORNER_COLUMN, NORMAL_COLUMN
+from hapticeval.laws import FOOT, ChangeData, Closest
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 # ruff: noqa: ARG001 - every change of an answer has these arguments
@@ -86,16 +88,16 @@ def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Arr
 
 
 def shade(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
     """Turn `force` (2,), N, by as much as its shaded normal is turned: see `shading.normals_at` and `shading.turned`.
 
-    The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `numbers.params` (1,) is the rounding of the arc
-    length, m; `numbers.samples` (n, 8) are those of `shading.facets`. Returns 0: it is defined everywhere.
+    The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `data.params` (1,) is the rounding of the arc
+    length, m; `data.samples` (n, 8) are those of `shading.facets`. Returns 0: it is defined everywhere.
     """
     if force[0] == 0.0 and force[1] == 0.0:
         return 0
-    tolerance, frame, table = numbers.params[0], numbers.state, numbers.samples
+    tolerance, frame, table = data.params[0], data.state, data.samples
     closest.function(closest.data, ihip, frame)
     arc_length = frame[ARC_LENGTH_ROW, 0]
     facet = as_record(table, SHADED_FACET, max(np.searchsorted(table[:, 0], arc_length, side="right") - 1, 0))
@@ -127,7 +129,7 @@ def shade(
 
 
 def shade_mesh(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
     """Turn `force` (3,), N, on a mesh by as much as its shaded normal is turned: see `shading.Shading`.
 
@@ -135,11 +137,11 @@ def shade_mesh(
     """
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         return 0
-    frame, data = numbers.state, closest.data
+    frame, mesh = data.state, closest.data
     own, shaded = frame[OWN_NORMAL], frame[SHADED_NORMAL]
-    closest.function(data, ihip, frame)
+    closest.function(mesh, ihip, frame)
     # the code of the closest point keeps the triangle that it found in its state
-    write_normals(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
+    write_normals(mesh.pieces, mesh.vertices, data.samples, int(mesh.state[0]), ihip, hip, frame)
     force_on_own, force_on_sum, cosine = 0.0, 0.0, 0.0
     for i in range(3):
         force_on_own += force[i] * own[i]

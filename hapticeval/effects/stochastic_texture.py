@@ -110,8 +110,8 @@ class StochasticTexture(Effect):
 
     def change(self, scene: Calling) -> Part:
         """See `Effect.change`."""
-        from hapticeval.compiled import as_record, numbers_of
         from hapticeval.effects import texture_kernels as kernels
+        from hapticeval.records import as_record, numbers_of
 
         model, first = self.model, self.model.filters[0]
         params = numbers_of(

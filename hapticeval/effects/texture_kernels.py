@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import NORMAL, Closest, Numbers, as_record, borrowing, record_type
+from hapticeval.compiled import borrowing
+from hapticeval.laws import NORMAL, ChangeData, Closest
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 TEXTURE = record_type("mass", "rate", "seed", "poles", "zeros", "filters", "direction")
@@ -193,14 +195,14 @@ def next_vibration(
 
 
 def vibrate(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
     """Shake the hand with the texture's vibrations times the mass, as `StochasticTexture` has it.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N; what
-    `numbers` holds stands above. Returns 0: it is defined everywhere.
+    `data` holds stands above. Returns 0: it is defined everywhere.
     """
-    rows, state, count, texture = numbers.samples, numbers.state, hip.shape[0], as_record(numbers.params, TEXTURE)
+    rows, state, count, texture = data.samples, data.state, hip.shape[0], as_record(data.params, TEXTURE)
     frame, normal, work, direction = state[:2], state[NORMAL], state[BEFORE:], state[DIRECTION_ROW]
     phase, vibration = as_record(state, PHASE, PHASE_ROW), as_record(state, VIBRATION, VIBRATION_ROW)
     smoothed = as_record(state, SMOOTHED, SMOOTHED_ROW)
@@ -243,7 +245,7 @@ def vibrate(
         smoothed.press += smoothing * (normal_force - smoothed.press)
         location = filters_at(rows, int(texture.filters), smoothed.speed, smoothed.press, int(vibration.triangle))
         vibration.triangle = location[0]
-        vibration.value = next_vibration(numbers.params, rows, location, int(phase.number), work)
+        vibration.value = next_vibration(data.params, rows, location, int(phase.number), work)
         phase.samples -= 1.0
         phase.number += 1.0
     push = texture.mass * vibration.value

@@ -10,12 +10,14 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import NORMAL, Closest, Numbers, as_record, borrowing, compiled, compiled_once, record_type
+from hapticeval.compiled import borrowing, compiled, compiled_on_demand
 from hapticeval.devices import parallelogram
+from hapticeval.laws import NORMAL, ChangeData, Closest
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 inverse, kinematics2, kinematics3, dynamics2, dynamics3 = map(
-    compiled_once,
+    compiled_on_demand,
     (
         parallelogram.inverse,
         parallelogram.kinematics2,
@@ -111,15 +113,15 @@ def contact_phase(state: Array, closest: Closest, hip: Array, velocity: Array, i
 
 
 @borrowing
-def add_capped_force(numbers: Numbers, requested: float, dt: float, force: Array) -> None:
+def add_capped_force(data: ChangeData, requested: float, dt: float, force: Array) -> None:
     """Add a transient's force to the renderer's, along the direction, and keep for later what is above the cap.
 
     `requested` (N) is the transient's at this tick of `dt` s, and `force` (N,), N, is changed in place.
     """
     pulse, direction, cap = (
-        as_record(numbers.state, PULSE, PULSE_ROW),
-        numbers.state[START_NORMAL],
-        as_record(numbers.params, CAPPED).cap,
+        as_record(data.state, PULSE, PULSE_ROW),
+        data.state[START_NORMAL],
+        as_record(data.params, CAPPED).cap,
     )
     total = requested + pulse.held_back / dt
     given_force = min(max(total, -cap), cap)
@@ -129,15 +131,15 @@ def add_capped_force(numbers: Numbers, requested: float, dt: float, force: Array
 
 
 def give_impulse(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
     """Take a collision's momentum out of the device in its first tick: the impulse (1 + c_r) m_n v along n of (4.21).
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
-    `numbers.params` are the cap (N), 1 + c_r, and a point's mass (kg) or a parallelogram's constants. Returns 1 where
+    `data.params` are the cap (N), 1 + c_r, and a point's mass (kg) or a parallelogram's constants. Returns 1 where
     the device does not reach, and else 0.
     """
-    state, params = numbers.state, numbers.params
+    state, params = data.state, data.params
     phase = contact_phase(state, closest, hip, velocity, ihip, force)
     if phase == UNKNOWN_PHASE:
         return 0
@@ -148,7 +150,7 @@ def give_impulse(
         if not mass > 0.0:
             return 1
         requested = params[1] * mass * speed / dt  # all of it in one tick
-    add_capped_force(numbers, requested, dt, force)
+    add_capped_force(data, requested, dt, force)
     return 0
 
 
@@ -159,13 +161,13 @@ def ringing_integral(decay: float, omega: float, time: float) -> float:
     return -math.exp(-decay * time) * oscillation / (decay * decay + omega * omega)
 
 
-def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
+def ring(data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
     """Let the surface ring: add the tick's mean of L v e^(-Bt) sin(wt), t s after the contact began.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
-    `numbers.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it is defined everywhere.
+    `data.params` (4,) are the cap (N), L (N s/m), B (1/s) and w (rad/s). Returns 0: it is defined everywhere.
     """
-    state, params = numbers.state, numbers.params
+    state, params = data.state, data.params
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:
         return 0
     contact, speed = as_record(state, CONTACT_CLOCK, CONTACT_ROW), as_record(state, PULSE, PULSE_ROW).speed
@@ -176,7 +178,7 @@ def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: fl
         area = ringing_integral(decay, omega, time + dt) - ringing_integral(decay, omega, time)
         requested = params[1] * speed * area / dt
     contact.time = time + dt
-    add_capped_force(numbers, requested, dt, force)
+    add_capped_force(data, requested, dt, force)
     return 0
 
 
@@ -194,19 +196,19 @@ def impulse_until(pulse: Array, step: float, time: float) -> float:
 
 
 def replay(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
     """Replay a measured pulse from the tick on in which a contact begins: `RecordedImpulse`.
 
     At the pulse's own sampling time it is given sample by sample, and at another one by its mean over each tick.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (N,), m, `velocity` (N,), m/s, `force` (N,), N.
-    `numbers.params` (2,) are the cap (N) and the sampling time (s); `numbers.samples` (2, n) the pulse (N) with a zero
+    `data.params` (2,) are the cap (N) and the sampling time (s); `data.samples` (2, n) the pulse (N) with a zero
     at its end, and its sums.
 
     Returns 0: it is defined everywhere.
     """
-    state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
+    state, pulse, step = data.state, data.samples, data.params[1]
     if contact_phase(state, closest, hip, velocity, ihip, force) == UNKNOWN_PHASE:
         return 0
     contact, requested = as_record(state, CONTACT_CLOCK, CONTACT_ROW), 0.0
@@ -218,5 +220,5 @@ def replay(
         else:
             requested = (impulse_until(pulse, step, time + dt) - impulse_until(pulse, step, time)) / dt
     contact.time = time + dt
-    add_capped_force(numbers, requested, dt, force)
+    add_capped_force(data, requested, dt, force)
     return 0

@@ -14,7 +14,7 @@ from hapticeval.effects.effect import Alters, Calling, Effect, Part, Stage, numb
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.compiled import Closest, Numbers
+    from hapticeval.laws import ChangeData, Closest
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,23 @@ class ViscousFriction(Effect):
 
 
 def brake(
-    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+    data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Add -b v_t to the force where there is contact, with v_t the part of the hand's velocity along the surface.
 
-    The signature is that of `Effect.change`: `velocity` (N,), m/s, `ihip` (N,), m, `force` (N,), N. `numbers.params`
-    (2,) are b (N s/m), and 1 where the surface is bilateral, so that there is contact always; `numbers.state` (2, N)
+    The signature is that of `Effect.change`: `velocity` (N,), m/s, `ihip` (N,), m, `force` (N,), N. `data.params`
+    (2,) are b (N s/m), and 1 where the surface is bilateral, so that there is contact always; `data.state` (2, N)
     takes place (m) and outward unit normal of the IHIP.
     """
-    touching = numbers.params[1] == 1.0
+    touching = data.params[1] == 1.0
     for i in range(hip.shape[0]):
         touching = touching or force[i] != 0.0
     if not touching:
         return 0
-    closest.function(closest.data, ihip, numbers.state)
+    closest.function(closest.data, ihip, data.state)
     velocity_on_normal = 0.0
     for i in range(hip.shape[0]):
-        velocity_on_normal += velocity[i] * numbers.state[1, i]
+        velocity_on_normal += velocity[i] * data.state[1, i]
     for i in range(hip.shape[0]):
-        force[i] -= numbers.params[0] * (velocity[i] - velocity_on_normal * numbers.state[1, i])
+        force[i] -= data.params[0] * (velocity[i] - velocity_on_normal * data.state[1, i])
     return 0

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.compiled import as_record, for_kernels
+from hapticeval.compiled import for_kernels
 from hapticeval.geometry.curve_kernels import speed_integrals
 from hapticeval.geometry.kernels import PIECE, evaluate_many
+from hapticeval.records import as_record
 from hapticeval.types import Array, IntArray
 
 MOST_HALVINGS, MOST_PANELS = 48, 100_000

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.compiled import Closest
+    from hapticeval.laws import Closest
 
 START_ROUNDING = 1e-6
 """Share of a march's grain from which on a point counts as inside: its start may be so by its rounding."""
@@ -56,7 +56,7 @@ class ClosestPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Corner:
-    """A joint of a plane boundary at which the tangent turns: where it is and the two frames that meet there.
+    """A join of a plane boundary at which the tangent turns: where it is and the two frames that meet there.
 
     `u` and `s` (m) are the parameter and the arc length; `position`, the unit tangents and the outward unit normals
     before and after are (2,); `turn` (rad, between -pi and pi) is positive where the corner is convex.

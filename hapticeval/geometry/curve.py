@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import Closest, as_record, as_records, for_kernels
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import arc_length, curve_kernels, polygon_kernels
 from hapticeval.geometry.boundary import SEARCH_BATCH, Boundary, ClosestPoint, Corner, march_to_crossing
@@ -32,6 +32,8 @@ from hapticeval.geometry.kernels import (
 )
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.validate import answer_by_kernel
+from hapticeval.laws import Closest
+from hapticeval.records import as_record, as_records
 from hapticeval.types import Array, BoolArray
 
 HALF_WINDOW = 0.1
@@ -148,7 +150,7 @@ class Curve:
 
     @cached_property
     def corners(self) -> tuple[Corner, ...]:
-        """The joints that turn by more than 1e-9 rad, in order of u."""
+        """The joins that turn by more than 1e-9 rad, in order of u."""
         if not self.closed or self._smooth:
             return ()
         pieces = as_records(self.pieces, PIECE)
@@ -465,8 +467,8 @@ def as_curve(boundary: Boundary | None) -> Curve | None:
 
 
 NORMAL_SAMPLES = 16384
-JOINT_OFFSET = 1e-9
-"""Before each joint, in parts of the curve, where the normal of the face that ends there is sampled."""
+JOIN_OFFSET = 1e-9
+"""Before each join, in parts of the curve, where the normal of the face that ends there is sampled."""
 
 SPLINE_TOLERANCE = 1e-10
 """How closely (rad) a spline of the normals has to keep to them half way between its knots, to be used for them."""
@@ -481,7 +483,7 @@ class NormalCone:
     The normals at the point and at both ends of the stretch are exact, on a curve of one piece to `SPLINE_TOLERANCE` at
     the ends.
 
-    So are those where the turning changes its sense: at joints of the curve and at inflections. Two inflections between
+    So are those where the turning changes its sense: at joins of the curve and at inflections. Two inflections between
     the same two of `NORMAL_SAMPLES` points are missed.
     """
 
@@ -491,9 +493,9 @@ class NormalCone:
         if not curve.closed:
             return
         low, high = curve.u_range
-        tiny, joints = JOINT_OFFSET * (high - low), as_records(curve.pieces, PIECE).u0
-        # samples just before and at each joint: both normals of a corner
-        inner = np.concatenate([np.linspace(low, high, NORMAL_SAMPLES), joints, joints - tiny])
+        tiny, joins = JOIN_OFFSET * (high - low), as_records(curve.pieces, PIECE).u0
+        # samples just before and at each join: both normals of a corner
+        inner = np.concatenate([np.linspace(low, high, NORMAL_SAMPLES), joins, joins - tiny])
         u = np.unique(np.clip(inner, low, high - tiny))
         u = np.union1d(u, _inflections(curve, u, tiny))
         s = curve.arc_length(u)
@@ -532,7 +534,7 @@ class NormalCone:
         angles = [self._angle_at(s, u), *(self._angle_at(end) for end in ends[1:])]
         low, high = np.min(angles, axis=0), np.max(angles, axis=0)
         # rounding may put a foot beside its corner: look across it
-        seam = 2.0 * JOINT_OFFSET * self.curve.length if self.curve.corners else 0.0
+        seam = 2.0 * JOIN_OFFSET * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
         last = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right")
         has_samples = last > first

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, as_record, compiled, law_data, record_type
+from hapticeval.compiled import compiled
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import (
     ARC,
@@ -28,10 +28,12 @@ from hapticeval.geometry.kernels import (
     piece_index,
 )
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
+from hapticeval.laws import FOOT, NORMAL, SHAPE, Closest, LawData, law_data
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array
 
 SMOOTH_TURN = 1e-9
-"""A joint that turns less than this (rad) is smooth."""
+"""A join that turns less than this (rad) is smooth."""
 
 TIE_ROUNDING = 1e-15
 """Share of the coordinates, and of an arc's radius, by which rounding may change which of two feet is nearer."""
@@ -267,7 +269,7 @@ def _nearest_on_piece(piece: Array, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
-def joint_turn(pieces: Array, k: int) -> float:
+def turn_at_join(pieces: Array, k: int) -> float:
     """Return the turn (rad) where piece k of `pieces` (n, 9), m, starts, from the end of the piece before.
 
     A positive one is convex.
@@ -314,25 +316,25 @@ def _nearest_on_pieces_with_values(pieces: Array, x: float, y: float) -> tuple[i
     for i in range(count):
         piece_u, piece_distance = _nearest_on_piece(pieces[i], x, y)
         piece = as_record(pieces, PIECE, i)
-        # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
+        # Beside a join the foot is nearer than the join by less than rounding: it is the one within its piece.
         is_within, size = piece.u0 < piece_u < piece.u1, abs(x) + abs(y) + piece_distance
         if piece.kind == ARC:
             arc = as_record(pieces, ARC_PIECE, i)
             size += abs(arc.x) + abs(arc.y) + arc.radius
-        # a foot within its piece wins a tie against one at a joint
+        # a foot within its piece wins a tie against one at a join
         tie = TIE_ROUNDING * size
         if piece_distance < distance + (
             tie if is_within and not best_is_within else -tie if best_is_within and not is_within else 0.0
         ):
             u, distance, k, best_is_within = piece_u, piece_distance, i, is_within
     turn = 0.0
-    # a foot on a joint belongs to the later piece
+    # a foot on a join belongs to the later piece
     nearest = as_record(pieces, PIECE, k)
     if nearest.kind != UNBOUNDED and (u == nearest.u0 or u == nearest.u1):
         if u == nearest.u1:
             k = (k + 1) % count
             u = as_record(pieces, PIECE, k).u0
-        turn = joint_turn(pieces, k)
+        turn = turn_at_join(pieces, k)
     values = evaluate(pieces[k], u)
     side = -1.0 if (x - values[0]) * values[3] - (y - values[1]) * values[2] < 0.0 else 1.0
     if abs(turn) > SMOOTH_TURN:
@@ -463,13 +465,13 @@ def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array
     `pieces` (n, 9), `samples` (m, 8), `vertices` (v, 2), m, and `tree` (k, 6): tables that do not apply are empty.
     """
     closest = closest_on_curve if tree.shape[0] == 0 else closest_on_outline
-    return Closest(closest, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
+    return Closest(closest, law_data(pieces=pieces, lookup=samples, vertices=vertices, tree=tree))
 
 
 @compiled
 def closest_on_curve(data: LawData, point: Array, frame: Array) -> float:
     """Answer `CLOSEST` for a point (2,), m, on a curve, into rows of `frame` (k, 2)."""
-    u, distance, side = project(data.segments, data.lookup, point[0], point[1])
+    u, distance, side = project(data.pieces, data.lookup, point[0], point[1])
     _write_frame(data, u, frame)
     return distance * side
 
@@ -477,7 +479,7 @@ def closest_on_curve(data: LawData, point: Array, frame: Array) -> float:
 @compiled
 def closest_on_outline(data: LawData, point: Array, frame: Array) -> float:
     """Answer `CLOSEST` for a point (2,), m, on a curve of straight edges by its tree, into rows of `frame` (k, 2)."""
-    u, distance, side = locate_on_outline(data.segments, data.vertices, data.tree, point[0], point[1])
+    u, distance, side = locate_on_outline(data.pieces, data.vertices, data.tree, point[0], point[1])
     _write_frame(data, u, frame)
     return distance * side
 
@@ -485,7 +487,7 @@ def closest_on_outline(data: LawData, point: Array, frame: Array) -> float:
 @compiled
 def _write_frame(data: LawData, u: float, frame: Array) -> None:
     """Write the rows of `frame` (k, 2), see `CLOSEST`, at the parameter u of a curve."""
-    pieces, first = data.segments, as_record(data.segments, PIECE)
+    pieces, first = data.pieces, as_record(data.pieces, PIECE)
     # the end of a closed curve is its start
     if first.kind != UNBOUNDED and not u < as_record(pieces, PIECE, pieces.shape[0] - 1).u1:
         u = first.u0

@@ -22,7 +22,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hapticeval.compiled import as_record, as_records, compiled, record_type
+from hapticeval.compiled import compiled
+from hapticeval.records import as_record, as_records, record_type
 from hapticeval.types import Array
 
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -153,7 +154,7 @@ def curvature_rate(piece: Array, u: float) -> float:
 
 @compiled
 def piece_index(pieces: Array, u: float) -> int:
-    """Return the index of the piece of `pieces` (n, 9) that holds u, the later one at a joint.
+    """Return the index of the piece of `pieces` (n, 9) that holds u, the later one at a join.
 
     u must lie in the curve's range: in m of arc length on lines and arcs.
     """

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, for_kernels, law_data
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace
@@ -26,6 +26,7 @@ from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import COORDINATE_ROUNDING, TOUCH_SHARE
 from hapticeval.geometry.triples import Triple
 from hapticeval.geometry.validate import answer_by_kernel
+from hapticeval.laws import FOOT, NORMAL, SHAPE, Closest, LawData, law_data
 from hapticeval.types import Array, IntArray
 
 SPREADING_STEPS = (0.7548776662466927, 0.5698402909980532)
@@ -206,7 +207,7 @@ def closest_of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
 
     `faces` (t, 9), `vertices` (v, 6), m, and `tree` (k, 11). Its state is the triangle of the last answer.
     """
-    return Closest(closest_on_triangles, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
+    return Closest(closest_on_triangles, law_data(pieces=faces, vertices=vertices, tree=tree, state=1))
 
 
 @compiled
@@ -216,7 +217,7 @@ def closest_on_triangles(data: LawData, point: Array, frame: Array) -> float:
     A mesh bends in no face, and has no arc length.
     """
     p = (point[0], point[1], point[2])
-    k, foot, normal, distance = closest_on_mesh(data.segments, data.vertices, data.tree, p, int(data.state[0]))
+    k, foot, normal, distance = closest_on_mesh(data.pieces, data.vertices, data.tree, p, int(data.state[0]))
     # the next point is looked for from here: it saves time and changes no answer
     data.state[0] = k
     for i in range(3):

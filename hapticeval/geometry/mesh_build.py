@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import as_record, compiled, inner, room_for
+from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import (
     ACROSS_COLUMN,
     BOX_ROUNDING,
@@ -25,6 +25,7 @@ from hapticeval.geometry.mesh_kernels import (
     vertex_of,
 )
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
+from hapticeval.records import as_record, room_for
 from hapticeval.types import Array, IntArray
 
 SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, OTHER_PART, FOLDED = range(8)

@@ -31,10 +31,11 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import as_record, compiled, inner, record_type
+from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, scaled
+from hapticeval.records import as_record, record_type
 from hapticeval.types import Array, IntArray
 
 CORNER_COLUMN, ACROSS_COLUMN, NORMAL_COLUMN = 0, 3, 6

@@ -158,8 +158,8 @@ class Model:
 
     def _polygon_parameters(self, n: int) -> Array:
         """Return the parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
-        from hapticeval.compiled import as_records
         from hapticeval.geometry.kernels import PIECE
+        from hapticeval.records import as_records
 
         curve = self.curve
         if not curve.closed:

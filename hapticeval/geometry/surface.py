@@ -22,23 +22,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import (
-    FOOT,
-    NORMAL,
-    SHAPE,
-    Closest,
-    LawData,
-    as_record,
-    compiled,
-    law_data,
-    numbers_of,
-    record_type,
-)
+from hapticeval.compiled import compiled
 from hapticeval.geometry.boundary import ClosestPoint, SurfaceInSpace, spread_over_sphere
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.geometry.validate import answer_by_kernel
+from hapticeval.laws import FOOT, NORMAL, SHAPE, Closest, LawData, law_data
+from hapticeval.records import as_record, numbers_of, record_type
 from hapticeval.types import Array
 
 SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
@@ -326,13 +317,13 @@ def medial_reaches(reals: Array, feet: Array, normals: Array) -> Array:
 
 def closest_of_surface(row: Array) -> Closest:
     """Return the compiled closest point of a surface, given its row (4,): lengths in m."""
-    return Closest(closest_in_space, law_data(segments=row[np.newaxis]))
+    return Closest(closest_in_space, law_data(pieces=row[np.newaxis]))
 
 
 @compiled
 def closest_in_space(data: LawData, point: Array, frame: Array) -> float:
     """Answer `CLOSEST` for a point (3,), m, on a surface in space, into `frame` (k, 3); there is no arc length."""
-    row = data.segments[0]
+    row = data.pieces[0]
     foot, normal, distance = closest_on_surface(row, (point[0], point[1], point[2]))
     for i in range(3):
         frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]

@@ -161,7 +161,8 @@ class Kinematics:
     """A device's compiled kinematics, callable from Python pose by pose: as closed loops compute them, bit for bit."""
 
     def __init__(self, device: Device) -> None:
-        from hapticeval.compiled import KINEMATICS, MARGIN, first_class
+        from hapticeval.compiled import first_class
+        from hapticeval.laws import KINEMATICS, MARGIN
 
         self.device = device
         self._run = first_class(device.kernels.kinematics, KINEMATICS)

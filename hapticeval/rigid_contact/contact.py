@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hapticeval.compiled import as_record, room_for
 from hapticeval.errors import InputError, RefusalError, in_m
 from hapticeval.recordings.recording import Recording
+from hapticeval.records import as_record, room_for
 from hapticeval.rigid_contact.force import (
     EVENT_KINDS,
     HOP_SHARE,

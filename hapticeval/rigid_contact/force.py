@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled, inner, record_type
+from hapticeval.compiled import compiled, inner
+from hapticeval.records import record_type
 from hapticeval.types import Array, IntArray
 
 LOAD = record_type(

@@ -20,11 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.compiled import as_record, compiled
+from hapticeval.compiled import compiled
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, VERTEX, closest_feature, corner_of, neighbour_of, normal_of
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus, put_triple, scaled, triple_of
+from hapticeval.records import as_record
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,

@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
-from hapticeval.compiled import as_record, compiled, record_type, room_for
+from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import PIECE, UNBOUNDED, piece_index
+from hapticeval.records import as_record, record_type, room_for
 from hapticeval.rigid_contact.contact import ON_BOUNDARY
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
@@ -54,13 +55,13 @@ from hapticeval.rigid_contact.plane_search import BoundaryCells, first_entry, pr
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
-RIGID_TOOL = record_type("mode", "piece", "u", "du", "w", "x", "y", "vx", "vy", "joint")
+RIGID_TOOL = record_type("mode", "piece", "u", "du", "w", "x", "y", "vx", "vy", "join")
 """The tool's state.
 
 - `mode`: FLIGHT, SLIDE or REST;
-- `piece` of the boundary, `u` on it where the tool touched down or came from a joint, `du` how much u has grown;
+- `piece` of the boundary, `u` on it where the tool touched down or came from a join, `du` how much u has grown;
 - `w` = ds/dt (m/s), position (`x`, `y`), m, and velocity (`vx`, `vy`), m/s;
-- `joint`: in REST the joint whose corner holds the tool.
+- `join`: in REST the join whose corner holds the tool.
 """
 
 STEP_ROUNDING = 1e-15
@@ -129,11 +130,11 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
     state, load, terrain = run.state, run.load, run.terrain
     row, piece_range = terrain.pieces[piece], as_record(terrain.pieces, PIECE, piece)
     count = terrain.pieces.shape[0]
-    # within a hop of a concave joint it is the corner that is hit
+    # within a hop of a concave join it is the corner that is hit
     for end in range(2):
-        joint, joint_u = (piece + end) % count, piece_range.u0 if end == 0 else piece_range.u1
-        if terrain.joints[joint] < 0.0 and load.bilateral == 0.0 and abs(u - joint_u) <= PLACE_REACH:
-            hit_corner(run, joint, tau, IMPACT)
+        join, join_u = (piece + end) % count, piece_range.u0 if end == 0 else piece_range.u1
+        if terrain.joins[join] < 0.0 and load.bilateral == 0.0 and abs(u - join_u) <= PLACE_REACH:
+            hit_corner(run, join, tau, IMPACT)
             return
     u = min(max(u, piece_range.u0), piece_range.u1)
     _, _, tx, ty, _, _ = surface_frame(row, u)
@@ -170,19 +171,19 @@ def collide(run: Run, piece: int, u: float, tau: float) -> None:
 
 
 @compiled
-def _faces_at_joint(run: Run, joint: int) -> tuple[int, float, float, tuple[float, float, float, float, float, float]]:
-    """Return the piece before a joint, its last u, the first u of the joint's own, and the place with both tangents."""
+def _faces_at_join(run: Run, join: int) -> tuple[int, float, float, tuple[float, float, float, float, float, float]]:
+    """Return the piece before a join, its last u, the first u of the join's own, and the place with both tangents."""
     pieces = run.terrain.pieces
-    before = (joint - 1) % pieces.shape[0]
-    pre_end, post_start = as_record(pieces, PIECE, before).u1, as_record(pieces, PIECE, joint).u0
-    # unit tangents where the piece before ends, and where the joint's own begins
+    before = (join - 1) % pieces.shape[0]
+    pre_end, post_start = as_record(pieces, PIECE, before).u1, as_record(pieces, PIECE, join).u0
+    # unit tangents where the piece before ends, and where the join's own begins
     _, _, ax, ay, _, _ = surface_frame(pieces[before], pre_end)
-    x, y, bx, by, _, _ = surface_frame(pieces[joint], post_start)
+    x, y, bx, by, _, _ = surface_frame(pieces[join], post_start)
     return before, pre_end, post_start, (x, y, ax, ay, bx, by)
 
 
 @compiled
-def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
+def hit_corner(run: Run, join: int, tau: float, kind: int) -> None:
     """Let the tool hit a concave corner, or any corner of a boundary that holds it from both sides.
 
     It hits the face that it runs against with that face's normal, thesis (3.5), again and again if the notch is so
@@ -191,7 +192,7 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
     A tool that is held loses its velocity across the next face.
     """
     state, load = run.state, run.load
-    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_join(run, join)
     mass, rebound = load.mass, load.restitution
     vx, vy = state.vx, state.vy
     # normal velocities below this are rounding
@@ -250,23 +251,23 @@ def hit_corner(run: Run, joint: int, tau: float, kind: int) -> None:
         ):
             # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
             wait = 2.0 * (speed / pull + next_speed / other_pull) / (1.0 - share * share) if rebound == 0.0 else 0.0
-            settle_in_corner(run, joint, tau, wait, 0)
+            settle_in_corner(run, join, tau, wait, 0)
             return
         # it slides off along the face that its velocity lies in
-        piece = joint if on_post else before
+        piece = join if on_post else before
         w = forth if on_post else -back
         place_on_piece(run, piece, post_start if on_post else pre_end, w)
         if load.bilateral == 0.0 and contact_force(run.terrain.pieces[piece], state.u, w, tau, load)[0] < 0.0:
             state.mode = FLIGHT
         return
     if vx == 0.0 and vy == 0.0:
-        settle_in_corner(run, joint, tau, 0.0, 0)
+        settle_in_corner(run, join, tau, 0.0, 0)
         return
     state.mode = FLIGHT
 
 
 @compiled
-def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
+def settle_in_corner(run: Run, join: int, tau: float, wait: float, exits: int) -> None:
     """Stop the tool at a corner: it rests there, goes along a face, or lets go of both.
 
     It rests while the force points into the corner's zone (thesis 3.2.1). Else it goes along the face on which the
@@ -277,7 +278,7 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
       rounding; else 0.
     """
     state, load = run.state, run.load
-    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    before, pre_end, post_start, (x, y, ax, ay, bx, by) = _faces_at_join(run, join)
     was_rest = state.mode == REST
     apply_impulse(run, 0.0, 0.0)
     state.x, state.y, state.w = x, y, 0.0
@@ -290,11 +291,11 @@ def settle_in_corner(run: Run, joint: int, tau: float, wait: float, exits: int) 
     goes_forth, goes_back = forth > 0.0 or exits == 1, back > 0.0 or exits == -1
     # pressed against both faces
     if not goes_forth and not goes_back:
-        state.mode, state.joint = REST, joint
+        state.mode, state.join = REST, join
         if not was_rest:
             log_event(run, STOP, tau + wait, 0.0, 0.0)
     elif goes_forth and (lifts_post <= 0.0 or (bilateral and forth >= back)):
-        place_on_piece(run, joint, post_start, 0.0)
+        place_on_piece(run, join, post_start, 0.0)
     elif goes_back and (lifts_pre <= 0.0 or bilateral):
         place_on_piece(run, before, pre_end, 0.0)
     else:
@@ -404,28 +405,28 @@ def _advance_slide(run: Run, tau: float, time_left: float) -> float:
     if state.mode == FLIGHT:
         _leave_boundary(run, tau + h)
     elif crossed_end != 0:
-        _pass_joint(run, crossed_end, tau + h)
+        _pass_join(run, crossed_end, tau + h)
     return h
 
 
 @compiled
-def _pass_joint(run: Run, direction: int, tau: float) -> None:
-    """Slide the tool over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
+def _pass_join(run: Run, direction: int, tau: float) -> None:
+    """Slide the tool over a join: on if it is smooth, off if it is convex, against the next face if concave."""
     state, terrain = run.state, run.terrain
     count = terrain.pieces.shape[0]
     index = int(state.piece)
-    joint = (index + 1) % count if direction > 0 else index
+    join = (index + 1) % count if direction > 0 else index
     # smooth: on to the next piece, from its start or from its end
-    if terrain.joints[joint] == 0.0:
-        next_piece = joint if direction > 0 else (joint - 1) % count
+    if terrain.joins[join] == 0.0:
+        next_piece = join if direction > 0 else (join - 1) % count
         state.piece, state.du = next_piece, 0.0
         next_range = as_record(terrain.pieces, PIECE, next_piece)
         state.u = next_range.u0 if direction > 0 else next_range.u1
     # convex: the boundary turns away
-    elif terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
+    elif terrain.joins[join] > 0.0 and run.load.bilateral == 0.0:
         _leave_boundary(run, tau)
     else:
-        hit_corner(run, joint, tau, CORNER)
+        hit_corner(run, join, tau, CORNER)
 
 
 @compiled
@@ -449,8 +450,8 @@ def _advance_flight(run: Run, tau: float, time_left: float) -> float:
 @compiled
 def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     """Let the tool rest in a corner until the force, linear in time, leaves its zone, and return how long that took."""
-    load, sums, joint = run.load, run.sums, int(run.state.joint)
-    _, _, _, (x, y, ax, ay, bx, by) = _faces_at_joint(run, joint)
+    load, sums, join = run.load, run.sums, int(run.state.join)
+    _, _, _, (x, y, ax, ay, bx, by) = _faces_at_join(run, join)
     fx, fy = operator_force(load, tau, x, y, 0.0, 0.0)
     gx, gy = load.g1[0], load.g1[1]
     h, exits = time_left, 0
@@ -470,7 +471,7 @@ def _advance_rest(run: Run, tau: float, time_left: float) -> float:
     sums[2] += jx
     sums[3] += jy
     if exits != 0:
-        settle_in_corner(run, joint, tau + h, 0.0, exits)
+        settle_in_corner(run, join, tau + h, 0.0, exits)
     return h
 
 
@@ -481,12 +482,12 @@ def _begin_on_boundary(run: Run) -> None:
     index, u = int(state.piece), state.u
     count = terrain.pieces.shape[0]
     piece = as_record(terrain.pieces, PIECE, index)
-    joint = index if u == piece.u0 else (index + 1) % count
-    if u in (piece.u0, piece.u1) and terrain.joints[joint] > 0.0 and run.load.bilateral == 0.0:
+    join = index if u == piece.u0 else (index + 1) % count
+    if u in (piece.u0, piece.u1) and terrain.joins[join] > 0.0 and run.load.bilateral == 0.0:
         # On a tip the tool is on the face that it runs along; otherwise the flight decides which one it meets.
         state.mode = FLIGHT
         for side in (1, -1):
-            index = joint if side == 1 else (joint - 1) % count
+            index = join if side == 1 else (join - 1) % count
             face = as_record(terrain.pieces, PIECE, index)
             u = face.u0 if side == 1 else face.u1
             _, _, tx, ty, _, _ = surface_frame(terrain.pieces[index], u)
@@ -569,10 +570,10 @@ class PlaneGround:
         index = piece_index(pieces, u)
         state = self.in_flight(curve.position(u), velocity)
         piece = as_record(pieces, PIECE, index)
-        for joint in (piece.u0, piece.u1):
-            # beside a joint it starts at the joint, so that corners are seen
-            if abs(u - joint) <= ON_BOUNDARY:
-                u = float(joint)
+        for join in (piece.u0, piece.u1):
+            # beside a join it starts at the join, so that corners are seen
+            if abs(u - join) <= ON_BOUNDARY:
+                u = float(join)
         tool = as_record(state, RIGID_TOOL)
         tool.mode, tool.piece, tool.u = SLIDE, index, u
         return state

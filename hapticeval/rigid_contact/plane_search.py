@@ -15,10 +15,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
-from hapticeval.compiled import as_record, as_records, compiled, for_kernels, record_type, room_for
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.curve_kernels import SMOOTH_TURN, joint_turn
+from hapticeval.geometry.curve_kernels import SMOOTH_TURN, turn_at_join
 from hapticeval.geometry.kernels import ARC, LINE, LINE_PIECE, PIECE, UNBOUNDED, evaluate, evaluate_many
+from hapticeval.records import as_record, as_records, record_type, room_for
 from hapticeval.rigid_contact.force import SEAM_REACH
 from hapticeval.rigid_contact.plane_motion import fly_for
 from hapticeval.types import Array
@@ -51,13 +52,13 @@ class BoundaryCells(NamedTuple):
     """A plane boundary cut into cells, each a graph over its chord.
 
     - `pieces` (n, 9) as in `kernels`;
-    - `joints` (n,), rad: how the boundary turns where piece i begins, positive where convex;
+    - `joins` (n,), rad: how the boundary turns where piece i begins, positive where convex;
     - `paces` (n,), 1/m: how fast each piece changes with arc length;
     - `cells` (m, 16): a `CHORD_CELL` a row.
     """
 
     pieces: Array
-    joints: Array
+    joins: Array
     paces: Array
     cells: Array
 
@@ -66,15 +67,15 @@ def prepare_boundary(curve: Curve) -> BoundaryCells:
     """Return a plane curve as the tool's loops take it, cut into cells: made once a scene."""
     pieces = for_kernels(curve.pieces)
     count = pieces.shape[0]
-    joints = np.array([joint_turn(pieces, i) if curve.closed else 0.0 for i in range(count)])
-    # a joint that turns by rounding alone is smooth
-    joints[np.abs(joints) <= SMOOTH_TURN] = 0.0
+    joins = np.array([turn_at_join(pieces, i) if curve.closed else 0.0 for i in range(count)])
+    # a join that turns by rounding alone is smooth
+    joins[np.abs(joins) <= SMOOTH_TURN] = 0.0
     paces = np.zeros(count)
     rows = []
     for i in range(count):
         cuts, paces[i] = _cuts_and_pace(pieces[i])
-        rows.append(_cell_rows(pieces, i, cuts, joints[i] > 0.0, joints[(i + 1) % count] > 0.0))
-    return BoundaryCells(pieces, joints, paces, np.vstack(rows))
+        rows.append(_cell_rows(pieces, i, cuts, joins[i] > 0.0, joins[(i + 1) % count] > 0.0))
+    return BoundaryCells(pieces, joins, paces, np.vstack(rows))
 
 
 def _cuts_and_pace(piece: Array) -> tuple[Array, float]:

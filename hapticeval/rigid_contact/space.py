@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled, numbers_of, record_type
+from hapticeval.compiled import compiled
 from hapticeval.geometry.triples import Triple, plus, put_triple, triple_of
+from hapticeval.records import numbers_of, record_type
 from hapticeval.rigid_contact.force import FLIGHT, Stretches, fly_along_axis, oscillation_of
 from hapticeval.types import Array, IntArray
 

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from hapticeval.bracket import MOST_GUESSES, guess_between
-from hapticeval.compiled import as_record, compiled
+from hapticeval.compiled import compiled
 from hapticeval.geometry.surface import ELLIPSOID, SPHERE, SURFACE, TORUS, Surface, closest_on_surface
 from hapticeval.geometry.triples import Triple, dot, plus, put_triple, triple_at, triple_of
+from hapticeval.records import as_record
 from hapticeval.rigid_contact.force import (
     ALIGNED_SHARE,
     FLIGHT,

@@ -22,7 +22,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.compiled import Change, Closest
+    from hapticeval.laws import Change, Closest
     from hapticeval.recordings.channels import Signal
     from hapticeval.recordings.recording import Recording
 
@@ -54,8 +54,9 @@ class Affected:
     """A renderer with `effects` on its answers; what else it offers, but for a stiffness, is the renderer's."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
-        from hapticeval.compiled import EXITS_PER_EFFECT, change_rows, specialised
+        from hapticeval.compiled import specialised
         from hapticeval.geometry.boundary import closest_of
+        from hapticeval.laws import EXITS_PER_EFFECT, change_rows
 
         self.base = renderer
         self.effects = tuple(effects)
@@ -85,7 +86,7 @@ class Affected:
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
         for change, state in zip(self._changes, self._initial_states, strict=True):
-            change.numbers.state[:] = state
+            change.data.state[:] = state
         self.base.reset(hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
@@ -145,7 +146,7 @@ class Affected:
 
     def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
         """Change answers (n, N) to `hips` (n, N) in place."""
-        from hapticeval.compiled import change_row
+        from hapticeval.laws import change_row
 
         changes_and_closest = self._changes, self._closest
         if self._compiled:
@@ -162,7 +163,7 @@ class Affected:
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:
             return None
-        from hapticeval.compiled import Composed, answer, law_value
+        from hapticeval.laws import Composed, answer, law_value
 
         base = law_value(law.function, law.data)
         data: Any = Composed(base, law.data, self._changes, self._closest)
@@ -173,8 +174,7 @@ class Affected:
         twin = copy(self)
         twin.base = deepcopy(self.base, memo)
         twin._changes = tuple(
-            change._replace(numbers=change.numbers._replace(state=change.numbers.state.copy()))
-            for change in self._changes
+            change._replace(data=change.data._replace(state=change.data.state.copy())) for change in self._changes
         )
         # the law of the copy, not of the original
         twin.abilities = replace(self.abilities, law=twin._composed(abilities_of(twin.base).law))
@@ -183,16 +183,19 @@ class Affected:
 
 def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
     """Return the closest point and the changes as kernels take them; in Python where the boundary is in Python."""
-    from hapticeval.compiled import CHANGE, CLOSEST, Change, Closest, Numbers, compiled_once, first_class, law_data
+    from hapticeval.compiled import compiled_on_demand, first_class
     from hapticeval.geometry.boundary import closest_in_python, closest_of
+    from hapticeval.laws import CHANGE, CLOSEST, Change, ChangeData, Closest, law_data
 
     compiled_closest = closest_of(boundary)
     changes = []
     for part in parts:
         assert part.function is not None
-        numbers = Numbers(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
-        function: Any = part.function if compiled_closest is None else first_class(compiled_once(part.function), CHANGE)
-        changes.append(Change(function, numbers))
+        data = ChangeData(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
+        function: Any = (
+            part.function if compiled_closest is None else first_class(compiled_on_demand(part.function), CHANGE)
+        )
+        changes.append(Change(function, data))
     if compiled_closest is None:
         return Closest(closest_in_python(boundary), law_data()), tuple(changes)
     return Closest(first_class(compiled_closest.function, CLOSEST), compiled_closest.data), tuple(changes)

@@ -137,7 +137,7 @@ def _drive_device(
     renderer: Renderer, law: CompiledStep | None, experiment: Experiment, scene: Scene, dt: float
 ) -> Recording:
     """Run any device with any effect in compiled kernels, and the renderer in its own compiled law where it has one."""
-    from hapticeval.compiled import law_value
+    from hapticeval.laws import law_value
     from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)

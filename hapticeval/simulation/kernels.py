@@ -13,9 +13,10 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from hapticeval.compiled import EFFECT, FirstClass, borrowing, compiled_once, first_class, inner
+from hapticeval.compiled import FirstClass, borrowing, compiled_on_demand, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
 from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, push_at
+from hapticeval.laws import EFFECT
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ class Loop(NamedTuple):
 def hook_of(parts: Iterable[Part]) -> Hook | None:
     """Return the effects of a stage as kernels take them, each compiled at its first use; None for no effects."""
     attached = tuple(
-        Attached(first_class(compiled_once(function), EFFECT), *arrays)
+        Attached(first_class(compiled_on_demand(function), EFFECT), *arrays)
         for function, *arrays in parts
         if function is not None
     )

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import as_record, inner, law_data, record_type
+from hapticeval.compiled import inner
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
+from hapticeval.laws import law_data
+from hapticeval.records import as_record, record_type
 from hapticeval.renderer import CompiledStep, Declaration, Spring
 from hapticeval.renderers.projective import LawRenderer, once
 from hapticeval.types import Array
@@ -43,7 +45,7 @@ class OnFacets(LawRenderer):
         **tables: ArrayLike,
     ) -> None:
         facets, rows = facets_of(scene)
-        data = law_data(np.append(scene.stiffness, own), segments=rows, state=state, **tables)
+        data = law_data(np.append(scene.stiffness, own), pieces=rows, state=state, **tables)
         super().__init__(
             CompiledStep(law, data, domain_exits={}), facets.boundary, standoff=standoff + facets.chord_error
         )

@@ -49,8 +49,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
+from hapticeval.compiled import compiled
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
+from hapticeval.laws import LawData
+from hapticeval.records import as_record, record_type, room_for
 from hapticeval.renderers.field.facets import FACET, OnFacets, away_from_facet, facets_of
 from hapticeval.renderers.projective import once
 from hapticeval.types import Array, IntArray
@@ -83,7 +85,7 @@ class Neighbourhood(OnFacets):
         tool = as_record(data.state, FACE_TOOL)
         tool.hand[: hip.size] = hip
         tool.touches = float(self.surface.signed_distance(hip[np.newaxis])[0] < 0.0)
-        tool.face = nearest_face(data.segments, (tool.hand[0], tool.hand[1], tool.hand[2]))
+        tool.face = nearest_face(data.pieces, (tool.hand[0], tool.hand[1], tool.hand[2]))
 
 
 def neighbours(cells: IntArray) -> Array:
@@ -159,7 +161,7 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, gains, tool = data.segments, as_record(data.params, SPRING_PARAMS), as_record(data.state, FACE_TOOL)
+    facets, gains, tool = data.pieces, as_record(data.params, SPRING_PARAMS), as_record(data.state, FACE_TOOL)
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     if tool.touches == 0.0:
         face = entered(facets, gains.touch, triple_of(tool.hand), h)  # step 1

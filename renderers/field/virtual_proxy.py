@@ -49,9 +49,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import LawData, as_record, compiled, record_type, room_for
+from hapticeval.compiled import compiled
 from hapticeval.geometry.mesh_kernels import closest_in_cone
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
+from hapticeval.laws import LawData
+from hapticeval.records import as_record, record_type, room_for
 from hapticeval.renderers.field.facets import FACET, OnFacets, away_from_facet
 from hapticeval.types import Array
 
@@ -170,7 +172,7 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, gains, state = data.segments, as_record(data.params, BALL_PARAMS), data.state
+    facets, gains, state = data.pieces, as_record(data.params, BALL_PARAMS), data.state
     radius = gains.radius
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])

@@ -46,10 +46,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from hapticeval.compiled import as_record, as_records, for_kernels
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, ARC_PIECE, LINE_PIECE, PIECE, evaluate_many
+from hapticeval.records import as_record, as_records
 from hapticeval.renderers.maps import conformal_kernels as kernels
 from hapticeval.renderers.maps.conformal_kernels import Complex
 from hapticeval.types import Array, IntArray

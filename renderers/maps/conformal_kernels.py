@@ -8,8 +8,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.compiled import as_record, compiled
+from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import PIECE
+from hapticeval.records import as_record
 from hapticeval.types import Array
 
 Complex: TypeAlias = NDArray[np.complex128]

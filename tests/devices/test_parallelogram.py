@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
+from hapticeval.compiled import first_class
 from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import (
     BaseInertia,
@@ -21,6 +21,7 @@ from hapticeval.devices.parallelogram import (
 )
 from hapticeval.errors import DomainError, InputError
 from hapticeval.examples.studies.device_criteria import cartesian_damping
+from hapticeval.laws import DYNAMICS, KINEMATICS, MARGIN
 
 L1, L4, B, D = 0.300, 0.346, (0.461, 0.105, 0.0336), (0.799, 0.204, 0.01825)
 

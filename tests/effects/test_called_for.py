@@ -14,11 +14,11 @@ import pytest
 from made_up_effect import Suction
 from numba.core.types import FunctionType
 
-from hapticeval.compiled import LAW, LawData, law_value
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.laws import LAW, LawData, law_value
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
@@ -107,7 +107,8 @@ CODE = """
 import hashlib, sys
 sys.path.insert(0, {meta!r})
 from dataclasses import replace
-from hapticeval.compiled import law_value, machine_code
+from hapticeval.compiled import machine_code
+from hapticeval.laws import law_value
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.sensors import Encoder

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from made_up_effect import ENTRY, Suction
 
-from hapticeval.compiled import law_value, machine_code
+from hapticeval.compiled import machine_code
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.examples.studies.effects import main
 from hapticeval.examples.studies.flags import answer_rows, flagged_law
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.laws import law_value
 from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from hapticeval.compiled import as_record
 from hapticeval.errors import InputError
 from hapticeval.geometry import catalogue
 from hapticeval.geometry.boundary import Boundary, ClosestPoint, SurfaceInSpace
@@ -16,6 +15,7 @@ from hapticeval.geometry.catalogue import torus as torus_model
 from hapticeval.geometry.kernels import PIECE
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_size, not_finite_error, points_for_kernels
+from hapticeval.records import as_record
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite

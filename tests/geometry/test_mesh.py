@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from hapticeval.compiled import CLOSEST, first_class
+from hapticeval.compiled import first_class
 from hapticeval.errors import InputError
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry import solids
@@ -21,6 +21,7 @@ from hapticeval.geometry.boundary import closest_of, march_to_crossing
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_input import meeting_points
+from hapticeval.laws import CLOSEST
 
 FAR = np.array([1e6, -1e6, 1e6])
 ASLANT = np.array([0.013, -0.02, 0.3])

@@ -8,12 +8,13 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import as_records, for_kernels
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.geometry.kernels import PIECE
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel
 from hapticeval.geometry.representations import Polygon
+from hapticeval.records import as_records
 
 NOTCHED = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [4, 3], [4, 4], [0, 4]]
 SLIVER = [[0.0, 0.0], [1.0, -1e-6], [2.0, 0.0], [1.0, 1e-6]]

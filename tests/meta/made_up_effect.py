@@ -26,14 +26,14 @@ class Suction(Effect):
         return Part(suck, np.array([self.force, self.deepest]), state=np.ones((3, scene.model.dimension)))
 
 
-def suck(numbers, closest, hip, velocity, dt, ihip, force):
-    distance = closest.function(closest.data, hip, numbers.state[:2])
-    if distance < -numbers.params[1]:
+def suck(data, closest, hip, velocity, dt, ihip, force):
+    distance = closest.function(closest.data, hip, data.state[:2])
+    if distance < -data.params[1]:
         return 1
     if distance < 0.0:
         for i in range(hip.shape[0]):
-            force[i] -= numbers.params[0] * numbers.state[2, 0] * numbers.state[1, i]
-        numbers.state[2, 0] *= 0.99
+            force[i] -= data.params[0] * data.state[2, 0] * data.state[1, i]
+        data.state[2, 0] *= 0.99
     return 0
 
 
@@ -51,8 +51,8 @@ class Magnet(Effect):
         return Part(pull, np.array([self.force]))
 
 
-def pull(numbers, closest, hip, velocity, dt, ihip, force):
-    force[0] -= numbers.params[0]
+def pull(data, closest, hip, velocity, dt, ihip, force):
+    force[0] -= data.params[0]
     return 0
 
 

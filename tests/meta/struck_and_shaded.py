@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from outsiders import Outsider, case
 
-from hapticeval.compiled import as_record, as_records
 from hapticeval.discovery import resolve
 from hapticeval.effects.shading import facets
 from hapticeval.effects.shading_kernels import SHADED_FACET
+from hapticeval.records import as_record, as_records
 from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects

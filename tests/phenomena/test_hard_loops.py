@@ -11,9 +11,9 @@ from msgspec import structs
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from hapticeval.compiled import law_value
 from hapticeval.discovery import resolve
 from hapticeval.effects.actuators import Delay
+from hapticeval.laws import law_value
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
+from hapticeval.laws import law_data
 from hapticeval.renderers.atlas import active_chart, active_charts, chart_acceleration, charts, jacobian, to_chart_axes
 from hapticeval.renderers.stabilisation import SurfaceStabilisation
 from hapticeval.scene import Scene
@@ -20,7 +20,7 @@ from hapticeval.scene import Scene
 RADIUS, K_P, K_D, MASS, B_D = 0.1, 200.0, 28.3, 0.1, 0.3
 """Of the experiment in 7.4.1; the gains are accelerations, K/m_tool."""
 
-DATA = law_data((K_P * MASS, K_D * MASS, MASS, B_D, 1.0), segments=sphere(2.0 * RADIUS).surface.row[None])
+DATA = law_data((K_P * MASS, K_D * MASS, MASS, B_D, 1.0), pieces=sphere(2.0 * RADIUS).surface.row[None])
 ROBOT = Parallelogram3(dynamics=Dynamics.PRINTED, base_inertia=BaseInertia.SIN)
 
 Y = sp.symbols("y1:4", real=True)

@@ -12,7 +12,7 @@ from hand_paths import star_shaped
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import as_record, compiled, numbers_of
+from hapticeval.compiled import compiled
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry import kernels as pieces
@@ -31,6 +31,7 @@ from hapticeval.geometry.catalogue import (
 )
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
+from hapticeval.records import as_record, numbers_of
 from hapticeval.renderers import level_curves, minimum_distance
 from hapticeval.renderers.level_curves import combescure, homothetic
 from hapticeval.renderers.potential import POTENTIAL, NoKernelError, centre_of, level_at, level_values

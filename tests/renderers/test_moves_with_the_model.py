@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from hapticeval.compiled import as_record
 from hapticeval.discovery import resolve
 from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoid, from_vertices, sphere, star, torus
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, ARC_PIECE, LINE_PIECE
 from hapticeval.geometry.model import Model
+from hapticeval.records import as_record
 from hapticeval.renderer import configured
 from hapticeval.scene import Scene
 from hapticeval.types import Array

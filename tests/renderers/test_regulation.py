@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.compiled import numbers_of
+from hapticeval.records import numbers_of
 from hapticeval.renderers.projective import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains, regulate
 from hapticeval.renderers.regulation import REGULATIONS
 

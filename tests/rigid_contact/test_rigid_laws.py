@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import as_record, room_for
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
+from hapticeval.records import as_record, room_for
 from hapticeval.rigid_contact import ideal
 from hapticeval.rigid_contact.force import LOAD
 from hapticeval.rigid_contact.plane_motion import slide_for

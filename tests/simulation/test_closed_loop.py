@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import compiled, law_data
+from hapticeval.compiled import compiled
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
@@ -20,6 +20,7 @@ from hapticeval.effects.catalogue import read_effects
 from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, RunawayError
 from hapticeval.geometry.catalogue import circle, line, make_model
+from hapticeval.laws import law_data
 from hapticeval.renderer import CompiledStep, Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop

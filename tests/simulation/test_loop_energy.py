@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticeval.compiled import compiled, law_data
+from hapticeval.compiled import compiled
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import ENCODER_STEP, Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
@@ -24,6 +24,7 @@ from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
+from hapticeval.laws import law_data
 from hapticeval.renderer import CompiledStep, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
