@@ -48,8 +48,8 @@ EXIT_PATIENCE = 10.0
 STACK_SIGNAL = getattr(signal, "SIGUSR1", None)
 """At this signal a process writes its Python stack, even from within compiled code."""
 
-STACK_PATIENCE = 0.2
-"""Seconds that processes have to write their stacks."""
+STACK_PATIENCE = 2.0
+"""Seconds that processes have to write their stacks, on a machine with other work; mostly a hundredth is enough."""
 
 TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
@@ -210,19 +210,15 @@ class _Worker:
         """Return the stack that the process writes until then: outermost frame first, below the call; else empty."""
         text = b""
         with contextlib.suppress(OSError):
-            # faulthandler writes in pieces, and says nowhere that it is done: the time decides.
-            while self.stack_pipe.poll(max(0.0, until - time.monotonic())):
+            # faulthandler writes in pieces, innermost frame first, and says nowhere that it is done. The frame of
+            # `_serve` is the last that matters; where it never comes, as in a very deep stack, the time decides.
+            while not _frames_of_call(text)[1] and self.stack_pipe.poll(max(0.0, until - time.monotonic())):
                 piece = os.read(self.stack_pipe.fileno(), 1 << 16)
                 if not piece:
                     break
                 text += piece
-        frames = [
-            (file, int(line), function)
-            for file, line, function in re.findall(r'^  File "(.*)", line (\d+) in (.*)$', text.decode(), re.MULTILINE)
-        ]
-        # faulthandler writes the innermost frame first; from `_serve` on the frames are ours, and left out.
-        calls = [place for place, (file, _, name) in enumerate(frames) if (file, name) == (__file__, _serve.__name__)]
-        return tuple(reversed(frames[: calls[0] if calls else None]))
+        frames, _ = _frames_of_call(text)
+        return tuple(reversed(frames))
 
     def end(self, patience: float) -> int | None:
         """Close the pipes and kill the process after `patience` (s); return the exit code if it ended before."""
@@ -475,6 +471,19 @@ def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]
             pipe.send_bytes(_pickled_answer(*_call_result(lambda: function(*pickle.loads(received)))))  # noqa: B023 - called at once
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
+
+
+def _frames_of_call(text: bytes) -> tuple[list[Frame], bool]:
+    """Return the frames that faulthandler wrote of a call, innermost first, and whether these are all of it."""
+    frames = [
+        (file, int(line), function)
+        for file, line, function in re.findall(
+            r'^  File "(.*)", line (\d+) in (.*)\n', text.decode(errors="replace"), re.MULTILINE
+        )
+    ]
+    # From `_serve` on the frames are ours, and left out.
+    ours = [place for place, (file, _, name) in enumerate(frames) if (file, name) == (__file__, _serve.__name__)]
+    return frames[: ours[0] if ours else None], bool(ours)
 
 
 def _call_result(call: Callable[[], T]) -> tuple[T | None, Exception | None]:

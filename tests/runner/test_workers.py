@@ -34,6 +34,8 @@ def act(what, *more):
     if what == "pid":
         return os.getpid()
     if what == "wait":
+        for begun in more:
+            begun.touch()
         time.sleep(3600.0)
     if what == "hang":
         note_pending(*more)
@@ -131,9 +133,17 @@ def test_a_process_that_dies_in_idleness_is_replaced():
         assert answered(crew, 1)[1].value not in (None, pid)
 
 
-def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
+def begin_to_wait(crew, calls, folder):
+    """Begin calls that never end, and return when their processes are within them."""
+    for call in calls:
+        crew.begin(call, "wait", folder / str(call))
+    while not all((folder / str(call)).exists() for call in calls):
+        assert crew.answers(0.01) == []
+
+
+def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free(tmp_path):
     with Workers(act, 1) as crew:
-        crew.begin(0, "wait")
+        begin_to_wait(crew, [0], tmp_path)
         assert crew.give_up(60.0) == []
         while not (given_up := crew.give_up(0.05)):
             assert crew.answers(0.05) == []
@@ -156,23 +166,28 @@ def test_a_call_that_is_given_up_tells_the_step_that_was_asked_for():
     assert given_up[0].error.pending_step == (7, (0.01, 0.02))
 
 
-def test_several_late_calls_show_their_stacks_in_the_time_of_one(monkeypatch):
-    monkeypatch.setattr(workers, "STACK_PATIENCE", 1.0)
+def test_a_stack_is_waited_for_no_longer_than_it_takes_to_write_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "STACK_PATIENCE", 3600.0)
     with Workers(act, 4) as crew:
-        for call in range(4):
-            crew.begin(call, "wait")
-        assert crew.answers(0.5) == []
-        begun = time.monotonic()
+        begin_to_wait(crew, range(4), tmp_path)
         given_up = crew.give_up(0.0)
-        assert time.monotonic() - begun < 3.0
-    assert [each.error.stack[-1][2] for each in given_up] == ["act"] * 4
+    assert [late.error.stack[-1][2] for late in given_up] == ["act"] * 4
 
 
-def test_an_interpreter_of_its_own_shows_its_stack_too():
+def test_a_stack_that_is_not_written_to_its_end_is_waited_for_no_longer_than_that(monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "STACK_PATIENCE", 0.1)
+    monkeypatch.setattr(workers, "STACK_SIGNAL", None)
+    with Workers(act, 1) as crew:
+        begin_to_wait(crew, [0], tmp_path)
+        (late,) = crew.give_up(0.0)
+    assert late.error.stack == ()
+
+
+def test_an_interpreter_of_its_own_shows_its_stack_too(tmp_path):
     with Workers(act, 1, fresh=True) as crew:
         crew.begin(0, "double", 1)
         assert answered(crew, 1)[0].value == 2
-        crew.begin(1, "wait")
+        begin_to_wait(crew, [1], tmp_path)
         while not (given_up := crew.give_up(0.05)):
             assert crew.answers(0.05) == []
         assert [function for _, _, function in given_up[0].error.stack][-1] == "act"
