@@ -1,6 +1,6 @@
 # make run     set up, judge the built-in renderers, by playback, in closed loop and recorded, write results/
 # make test    set up with the development tools, run the tests
-# make system  run the tests that start commands and clusters, kill them, and judge whole suites
+# make system  run the tests that start commands and clusters, kill them, and judge whole suites, and what takes seconds
 # make fuzz    explore with fresh seeds: the ideal contact in EXAMPLES=300, then for MINUTES=30 properties, damaged files,
 #              odd renderers
 # make mutants  change the checks, and what judges by them, in one operator or number at a time and see whether a test fails: hours,

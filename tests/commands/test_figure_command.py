@@ -13,6 +13,7 @@ pytestmark = pytest.mark.usefixtures("in_process")
 TWO = ["-r", "local_mine:Good", "-r", "local_mine:Jumps"]
 
 
+@pytest.mark.system
 def test_a_figure_of_two_renderers_in_every_format_and_of_an_earlier_run(here, capsys):
     for name in ("fig.pdf", "fig.svg", "fig.png"):
         options = ["--check", "continuous-contact", "-o", name]
@@ -81,6 +82,7 @@ def test_the_grid_of_a_run_and_what_is_no_document(here, capsys):
     assert [path.name for path in here.glob("*.pdf")] == ["grid.pdf"]
 
 
+@pytest.mark.system
 def test_a_table_for_a_paper_has_the_renderers_in_their_order(here, capsys):
     main(["run", "slides.toml", "--no-report", *TWO])
     assert main(["table", "results", "-r", "local_mine:Jumps", "-r", "local_mine:Good", "--width", "88mm"]) == 0

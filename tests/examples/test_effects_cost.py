@@ -67,6 +67,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("on", [True, False])
 def test_an_engine_that_tests_flags_shows_what_is_on_and_nothing_else(on):
     scene = Scene(model=make_model("circle"), effects=(Suction(0.2),))
@@ -95,6 +96,7 @@ def test_code_is_counted_by_what_it_is_compiled_for():
     assert len(machine_code(kernels.sense, given[2], 0)) < len(code)
 
 
+@pytest.mark.system
 def test_the_command_shows_every_scene(here, capsys):
     assert main(["pushed.toml", "-o", "results"]) == 0
     out = capsys.readouterr().out

@@ -44,6 +44,7 @@ def test_the_curl_of_a_vortex_and_the_work_of_its_loops(refused):
         worst_loop(Vortex(), field, 0.01, depths=(0.2, 0.3))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("model", [cassinian(), ellipse(), star()], ids=lambda model: model.name)
 @pytest.mark.parametrize("name", ["conformal", "minimum-distance", "homothetic", "combescure"])
 def test_which_renderers_have_a_loop_that_gains(name, model):

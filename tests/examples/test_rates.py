@@ -12,6 +12,7 @@ def corners(monkeypatch):
     monkeypatch.setattr(rates, "CASES", {name: rates.CASES[name] for name in ("broken-contact", "abrupt-switch")})
 
 
+@pytest.mark.system
 def test_a_faster_loop_buys_stiffness_and_no_phenomenon(tmp_path):
     document = study_rates(["constraint", "minimum-distance"], [1e3, 2e3], lambda *_: None)
     outcomes = {(row["renderer"], row["check"], row["outcome"]) for row in document["rows"]}

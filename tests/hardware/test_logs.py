@@ -61,6 +61,7 @@ def test_a_log_is_the_run_that_it_was_taken_from(tmp_path, wiring, angles):
     assert made.signals["force"].sign.startswith("static")
 
 
+@pytest.mark.system
 @pytest.mark.usefixtures("in_process")
 def test_the_command_converts_a_log_that_can_be_replayed(undrawn, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -53,6 +53,7 @@ FAST_AND_SLOW = Path(
 """Under a line at 1 m/s, then for a second at 10 mm/s, on at 1 m/s, a rest, and on at 1 m/s."""
 
 
+@pytest.mark.system
 def test_a_single_hop_is_found_though_a_closer_look_begins_behind_it():
     finding = finding_of(single_hop, "continuous-contact", SHALLOW)
     assert finding.outcome is Outcome.FAIL, finding.message
@@ -62,6 +63,7 @@ def test_a_single_hop_is_found_though_a_closer_look_begins_behind_it():
 HOPS, SINKS = slowly(HopsWhileSlow), slowly(SinksWhileSlow)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("make", "words"), [(HOPS, "pop-through"), (SINKS, "mm off the surface")], ids=["hops", "sinks"]
 )
@@ -71,6 +73,7 @@ def test_what_a_slow_hand_shows_is_not_measured_by_its_fastest_step(make, words)
     assert words in finding.message
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("make", [HOPS, pytest.param(SINKS, marks=pytest.mark.slow)], ids=["hops", "sinks"])
 def test_nor_is_it_on_the_paths_that_are_drawn(make):
     finding = finding_of(make, "continuous-contact", load_suite("generated").case("line-hand"))

@@ -31,6 +31,7 @@ def outcomes(make, place, *checks):
     return {verdict.check: verdict.outcome for verdict in judged.verdicts}
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("name", "place"), VISITS)
 def test_a_fault_is_stopped_where_a_suite_visits_it(name, place):
     unvisited: Unvisited = UNVISITED[name]

@@ -36,11 +36,13 @@ def outcomes(column: str, case: str) -> dict[str, Outcome]:
     return {verdict.check: verdict.finding.outcome for verdict in judged.verdicts}
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("column", [*COLUMNS, *sorted(set(SETTINGS) - {"parts"})])
 def test_every_check_of_a_case_can_be_asked_of_an_engine(column):
     assert Outcome.ERROR not in outcomes(column, "cube-edge").values()
 
 
+@pytest.mark.system
 def test_a_mesh_of_mujoco_is_its_convex_hull_and_the_notch_names_it():
     assert outcomes("mujoco-query", "l-block-notch")["continuous-contact"] is Outcome.FAIL
 

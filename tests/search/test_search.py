@@ -96,6 +96,7 @@ def test_folders_are_named_as_renderers_are_and_two_that_differ_by_case_have_one
     assert {each.renderer for each in read_all(tmp_path)} == set(names)
 
 
+@pytest.mark.system
 def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_path):
     again = searched("minimum-distance", [JUMP]).counterexamples[JUMP]
     files = [
@@ -171,6 +172,7 @@ def test_the_impulse_that_a_spring_does_not_take_out_is_found():
     assert len(found.case.experiment.force or []) <= 1
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("name", "kind"), [("Raises", "ZeroDivisionError"), ("Dies", "dies"), ("Hangs", "hangs")])
 def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatch, name, kind):
     monkeypatch.setattr(trial, "FIRST_SILENCE", 6.0)
@@ -215,6 +217,7 @@ def test_no_renderer_is_blamed_for_the_time_that_its_case_is_compiled(mine, monk
         assert bench.call_in_case(case, silence, "hanging") is None
 
 
+@pytest.mark.system
 def test_a_renderer_that_prepares_its_model_anew_does_not_hang(mine, monkeypatch):
     """Its first case on a model may take longer, and later ones twice as long as that."""
     monkeypatch.setattr(trial, "FIRST_SILENCE", 6.0)
@@ -339,6 +342,7 @@ def run(*arguments):
     return cli.main(["search", *map(str, arguments)])
 
 
+@pytest.mark.system
 def test_the_command_writes_tells_and_replays(mine, capsys, monkeypatch):
     few_shrinks(monkeypatch)
     out = mine / "found"
@@ -361,6 +365,7 @@ def test_the_command_writes_tells_and_replays(mine, capsys, monkeypatch):
     assert cli.main(["run", str(place / "continuous-contact.toml"), "-r", "mine:Nearest", "-o", str(mine / "r")]) == 1
 
 
+@pytest.mark.system
 def test_several_seeds_find_the_smallest_that_any_of_them_finds(mine, capsys, monkeypatch):
     few_shrinks(monkeypatch)
     search = seeds.run_hunt
@@ -419,6 +424,7 @@ def test_what_has_ended_before_an_interrupt_is_kept(mine):
     assert [ended for _, _, ended in found] == [2, 1]
 
 
+@pytest.mark.system
 def test_exit_codes(mine, capsys):
     assert run("-r", "ideal", "--check", JUMP, "--model", "circle", "--examples", 2, "-o", mine / "none") == 0
     assert "no failure, in so many examples, of: continuous-contact (" in capsys.readouterr().out
@@ -491,6 +497,7 @@ MUTANTS = {
 """Faults of one per cent, of one tick, of one sign: the check that finds each, among others."""
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("name", MUTANTS)
 def test_a_small_fault_is_found_within_a_few_examples(mine, monkeypatch, name):
     few_shrinks(monkeypatch)

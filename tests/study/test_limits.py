@@ -234,6 +234,7 @@ def test_a_scene_without_the_bound_is_described_and_drawn(tmp_path, capsys):
     assert "(2.40) says nothing about it; without a hand the loop settles" in shown
 
 
+@pytest.mark.system
 @pytest.mark.usefixtures("coarse")
 def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys):
     code = main(["study", "limits", "thesis/plane-press", "--device", "parallelogram-2dof", "-o", str(tmp_path)])
@@ -333,6 +334,7 @@ def test_a_hand_gains_from_a_real_wall_above_the_limit_and_not_below():
         assert (given > 0.0) == gains
 
 
+@pytest.mark.system
 def test_friction_lets_a_loop_rest_that_is_not_passive(monkeypatch):
     # Two below the corner, it, and four above.
     monkeypatch.setattr("hapticeval.study.limits.published.CURVE_FRICTIONS", 7)

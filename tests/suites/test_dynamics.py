@@ -65,6 +65,7 @@ EVERYWHERE = ("minimum-distance+pp-pd", "set-stabilisation")
 """Renderers that `make test` judges in every case; the others on the circle alone, and elsewhere in `make system`."""
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("suite", "name", "renderer"),
     [
@@ -177,6 +178,7 @@ def tangential(effect):
     return verdict.finding
 
 
+@pytest.mark.system
 def test_an_encoder_is_too_fine_to_hurt_friction_stops_the_tool_and_a_delay_drives_it():
     """A force that is late by D points ahead of the normal: v' = kappa^2 v^3 D, 1.25 per cent a second here."""
     assert set(outcomes("circle", "circle-robot-encoder", "set-stabilisation").values()) == {Outcome.PASS}
@@ -184,6 +186,7 @@ def test_an_encoder_is_too_fine_to_hurt_friction_stops_the_tool_and_a_delay_driv
     assert tangential("delay").metric.value == pytest.approx(5.0**2 * 0.0005, rel=0.1)
 
 
+@pytest.mark.system
 def test_where_no_renderer_is_named_each_suite_runs_its_own():
     planned = plan(["dynamics", "thesis"], (), RunOptions(select=("circle*", "star-*")))
     per_suite = {suite: {job.renderer for job in planned.jobs if job.suite == suite} for suite in (*GROUP, "thesis")}

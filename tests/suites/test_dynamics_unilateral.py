@@ -17,6 +17,7 @@ def judged(name: str, renderer: str) -> Judged:
     return judge(resolve(renderer), renderer, SUITE.name, SUITE.case(name))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("case", SUITE.cases, ids=lambda case: case.name)
 def test_each_case_is_judged_as_expected(case):
     case.check_stimulus()

@@ -14,6 +14,7 @@ SUITES = [load_suite(name) for name in ("generated", "hard-cases-loops")]
 IN_SPACE = [(suite, case) for suite in SUITES for case in suite.cases if case.build_scene().model.dimension == 3]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("suite", "case"), IN_SPACE, ids=lambda each: each.name)
 def test_a_case_in_space_is_judged_as_expected(suite, case):
     decided = set()
