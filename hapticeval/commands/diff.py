@@ -31,6 +31,9 @@ Exit codes:
   2  wrong usage or input
 """
 
+NONE_IN_BOTH = "compared are verdicts of one renderer's name, case and check: judge both versions under one name"
+"""What helps where two runs share no verdict."""
+
 MARGINS_SHOWN = 10
 """Margins that are shown without -v: those that moved most."""
 
@@ -101,7 +104,9 @@ def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
     timed = f", {plural(len(times), 'time')} moved significantly" if times else ""
     ended = f"; the new run is incomplete: {comparison.incomplete}" if comparison.incomplete else ""
     both = f"{plural(comparison.compared, 'verdict')} in both runs"
-    return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}"
+    # As of two classes, the old one and the new.
+    apart = "" if comparison.compared or not comparison.verdicts else f"; {NONE_IN_BOTH}"
+    return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}{apart}"
 
 
 def _outcome_words(change: VerdictChange) -> str:

@@ -58,6 +58,17 @@ def test_nothing_that_changed_is_a_line(runs, capsys):
     )
 
 
+def test_runs_of_two_names_say_why_nothing_is_compared(runs, capsys):
+    (runs / "other").mkdir()
+    write_results(runs / "other", results_of(changed(verdict("a"), renderer="mine:New")))
+    code, text = run_diff(capsys, "old", "other")
+    assert code == 0
+    assert text.splitlines()[-1] == (
+        "0 verdicts in both runs: 2 gone, 1 new; 0 margins moved; compared are verdicts of one renderer's name, case "
+        "and check: judge both versions under one name"
+    )
+
+
 def test_as_annotations_of_github(runs, capsys):
     code, text = run_diff(capsys, "old", "new", "--format", "github")
     assert code == 1
