@@ -47,6 +47,19 @@ def test_nothing_of_a_figure_is_left_in_the_next():
         assert other() == before
 
 
+def test_the_label_of_the_plane_does_not_reach_into_the_legend_below(monkeypatch):
+    figures = []
+    monkeypatch.setattr("hapticeval.reports.run_figure.page_svg", lambda fig, **_: figures.append(measure(fig)) or "")
+
+    def measure(fig):
+        fig.draw_without_rendering()
+        plane, force, _ = fig.axes
+        return plane.xaxis.label.get_window_extent().y0 - force.get_legend().get_window_extent().y1
+
+    figure_svg(tip_recording(), make_model("star"))
+    assert figures[0] > 0.0
+
+
 def test_ids_of_two_figures_do_not_collide_and_every_reference_is_met():
     one, two = (figure_svg(lobe_recording(), None, prefix=prefix) for prefix in ("f1", "f2"))
     ids = [set(re.findall(r' id="([^"]+)"', svg)) for svg in (one, two)]
