@@ -80,7 +80,7 @@ def _processor_wait(worker: _Worker) -> float:
         return 0.0
 
 
-class Ended(Exception):
+class ProcessEnded(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
     - `code`: negative for a signal, as that of `subprocess.Popen`;
@@ -112,7 +112,7 @@ class Overdue(Exception):
     """The process that worked on a call was killed: it took longer than it was given.
 
     `stack` holds file, line and function of its frames then, outermost first, below the call; it is empty where the
-    system cannot tell. `pending_step` is that of `Ended`.
+    system cannot tell. `pending_step` is that of `ProcessEnded`.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ def describe_exit(code: int | None) -> str:
 class Answer(NamedTuple, Generic[T]):
     """What came of call number `call`: a value, or the error that it raised.
 
-    That is `Ended` where its process is gone, and `Overdue` where it had to be killed.
+    That is `ProcessEnded` where its process is gone, and `Overdue` where it had to be killed.
     """
 
     call: int
@@ -335,7 +335,7 @@ class Workers(Generic[T]):
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
                 stack, pending = worker.stack(time.monotonic()), unanswered_step(worker.pending_step)
-                ended = Ended(worker.end(EXIT_PATIENCE), pending, stack)
+                ended = ProcessEnded(worker.end(EXIT_PATIENCE), pending, stack)
                 # Killed from outside, as for lack of memory: another process tries, so often and no more.
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)

@@ -85,26 +85,26 @@ class DiskProjection:
 
 
 @compiled
-def _side_and_clearance(b: Outline, x: float, y: float) -> tuple[bool, float]:
+def _side_and_clearance(outline: Outline, x: float, y: float) -> tuple[bool, float]:
     """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
 
     Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
     """
-    edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
+    edge, along, distance2 = nearest_kernel(outline.vertices, outline.tree, x, y)
     distance = math.sqrt(distance2)
     if not math.isfinite(distance):
         return False, -1.0
     # the curve lies within `stray` of its chords: beyond that the polygon of the chords tells the side
-    if distance > b.stray:
-        return side_kernel(b.vertices, edge, along, x, y) < 0.0, distance - b.stray
-    if b.stray == 0.0:
+    if distance > outline.stray:
+        return side_kernel(outline.vertices, edge, along, x, y) < 0.0, distance - outline.stray
+    if outline.stray == 0.0:
         return False, 0.0
-    _, _, distance, side = nearest_on(b, x, y)
+    _, _, distance, side = nearest_on(outline, x, y)
     return side < 0.0, distance
 
 
 @compiled
-def _are_inside(b: Outline, points: Array) -> BoolArray:
+def _are_inside(outline: Outline, points: Array) -> BoolArray:
     """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
 
     Distances are known to the rounding of coordinates.
@@ -114,7 +114,7 @@ def _are_inside(b: Outline, points: Array) -> BoolArray:
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         if not math.hypot(x - x0, y - y0) < clear:  # it may have crossed the curve since (x0, y0)
-            inside, clear = _side_and_clearance(b, x, y)
+            inside, clear = _side_and_clearance(outline, x, y)
             clear = 0.999999 * clear - DISTANCE_ROUNDING * (abs(x) + abs(y) + clear)
             x0, y0 = x, y
         out[i] = inside
@@ -123,24 +123,24 @@ def _are_inside(b: Outline, points: Array) -> BoolArray:
 
 @compiled
 def _ihip_and_normal(
-    b: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
+    outline: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
 ) -> tuple[float, float, float, float]:
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
     if inside:
-        return frame(b.pieces, b.joins, piece_index(b.pieces, u), u, x, y)
+        return frame(outline.pieces, outline.joins, piece_index(outline.pieces, u), u, x, y)
     if not bilateral:  # free space
         return x, y, 0.0, 0.0
-    piece, u, _, _ = nearest_on(b, x, y)
-    return frame(b.pieces, b.joins, piece, u, x, y)
+    piece, u, _, _ = nearest_on(outline, x, y)
+    return frame(outline.pieces, outline.joins, piece, u, x, y)
 
 
 @compiled
-def _ihips_and_normals(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
+def _ihips_and_normals(outline: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
     """IHIP and normal (n, 4) a row of `hips` (n, 2)."""
     out = np.empty((hips.shape[0], 4))
     for i in range(hips.shape[0]):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _ihip_and_normal(
-            b, bilateral, inside[i], parameters[i], hips[i, 0], hips[i, 1]
+            outline, bilateral, inside[i], parameters[i], hips[i, 0], hips[i, 1]
         )
     return out
 

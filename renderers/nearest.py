@@ -72,19 +72,19 @@ def in_plane(
 
     `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
     """
-    b, params, state, gains = outline_in(data), data.params, data.state, as_record(data.params, GAINS)
+    outline, params, state, gains = outline_in(data), data.params, data.state, as_record(data.params, GAINS)
     x, y, normal = hip[0], hip[1], as_record(state, PAST).normal
     bilateral = gains.bilateral != 0.0
-    if not bilateral and b.stray > 0.0 and is_clear_of(b, x, y):  # without the exact search: it costs more
+    if not bilateral and outline.stray > 0.0 and is_clear_of(outline, x, y):  # without the exact search: it costs more
         return release(state, hip, ihip, force)
-    piece, u, _, side = nearest_on(b, x, y)
+    piece, u, _, side = nearest_on(outline, x, y)
     if not (bilateral or side < 0.0):
         return release(state, hip, ihip, force)
-    ihip[0], ihip[1], normal[0], normal[1] = frame(b.pieces, b.joins, piece, u, x, y)
+    ihip[0], ihip[1], normal[0], normal[1] = frame(outline.pieces, outline.joins, piece, u, x, y)
     centripetal = 0.0
     if gains.scheme == PP_PD_C:
         # κ (t·ẏ)^2: how fast the curve bends away from under the hand
-        _, _, dx, dy, ddx, ddy = evaluate(b.pieces[piece], u)
+        _, _, dx, dy, ddx, ddy = evaluate(outline.pieces[piece], u)
         speed = math.hypot(dx, dy)
         tangential_velocity = (dx * velocity[0] + dy * velocity[1]) / speed
         centripetal = (dx * ddy - dy * ddx) / (speed * speed * speed) * (tangential_velocity * tangential_velocity)

@@ -290,9 +290,9 @@ def outline_in(data: LawData) -> Outline:
 
 
 @inner
-def is_closed(b: Outline) -> bool:
+def is_closed(outline: Outline) -> bool:
     """Return whether an outline is closed; else it is the unbounded line."""
-    return bool(as_record(b.pieces, PIECE).kind != UNBOUNDED)
+    return bool(as_record(outline.pieces, PIECE).kind != UNBOUNDED)
 
 
 def is_straight(curve: Curve) -> bool:
@@ -338,80 +338,80 @@ def _turns(pieces: Array) -> Array:
 
 
 @borrowing
-def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
+def nearest_on(outline: Outline, x: float, y: float) -> tuple[int, float, float, float]:
     """Return the nearest surface point of (x, y), m, as (piece, u), the distance to it, m, and the side.
 
     The side is -1.0 inside and 1.0 outside or on the surface.
     """
-    if b.stray > 0.0 or not is_closed(b):
-        u, distance, side = project(b.pieces, b.samples, x, y)
-        return piece_index(b.pieces, u), u, distance, side
-    edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
-    piece = as_record(b.pieces, PIECE, edge)
-    side = side_kernel(b.vertices, edge, along, x, y) if distance2 > 0.0 else 1.0
+    if outline.stray > 0.0 or not is_closed(outline):
+        u, distance, side = project(outline.pieces, outline.samples, x, y)
+        return piece_index(outline.pieces, u), u, distance, side
+    edge, along, distance2 = nearest_kernel(outline.vertices, outline.tree, x, y)
+    piece = as_record(outline.pieces, PIECE, edge)
+    side = side_kernel(outline.vertices, edge, along, x, y) if distance2 > 0.0 else 1.0
     return edge, piece.u0 + along * (piece.u1 - piece.u0), math.sqrt(distance2), side
 
 
 @borrowing
-def is_clear_of(b: Outline, x: float, y: float) -> bool:
+def is_clear_of(outline: Outline, x: float, y: float) -> bool:
     """Whether a point is outside by more than the chords stray: what can be told at the cost of a polygon."""
-    if not is_closed(b):
+    if not is_closed(outline):
         return False
-    edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
-    return distance2 > b.stray * b.stray and side_kernel(b.vertices, edge, along, x, y) > 0.0
+    edge, along, distance2 = nearest_kernel(outline.vertices, outline.tree, x, y)
+    return distance2 > outline.stray * outline.stray and side_kernel(outline.vertices, edge, along, x, y) > 0.0
 
 
 @borrowing
-def first_entry(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
+def first_entry(outline: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
     `leaving`: it starts on the surface. A crossing of the chords counts wherever both ends lie, so that nothing is
     too thin to be hit. A curve lies up to `stray` beside its chords: there the exact side of the end decides.
     """
-    if not is_closed(b):
-        _, u, _, side = nearest_on(b, x1, y1)
+    if not is_closed(outline):
+        _, u, _, side = nearest_on(outline, x1, y1)
         if side > 0.0:
             return False, 0, 0.0
-        px, py, dx, dy, _, _ = evaluate(b.pieces[0], u)
+        px, py, dx, dy, _, _ = evaluate(outline.pieces[0], u)
         # how far the ends are above the line, times its speed: where the way crosses it, if it began outside
         before, after = (x0 - px) * dy - (y0 - py) * dx, (x1 - px) * dy - (y1 - py) * dx
         if before > 0.0:
             u -= ((x1 - x0) * dx + (y1 - y0) * dy) * after / (after - before)
         return True, 0, u
-    edge, t, fraction = first_crossing_kernel(b.vertices, b.tree, x0, y0, x1, y1)
-    if edge >= 0 and (b.stray == 0.0 or fraction < 1.0):
-        piece, u = _piece_at(b, edge, t)
+    edge, t, fraction = first_crossing_kernel(outline.vertices, outline.tree, x0, y0, x1, y1)
+    if edge >= 0 and (outline.stray == 0.0 or fraction < 1.0):
+        piece, u = _piece_at(outline, edge, t)
         return True, piece, u
-    if (b.stray == 0.0 and not leaving) or is_clear_of(b, x1, y1):
+    if (outline.stray == 0.0 and not leaving) or is_clear_of(outline, x1, y1):
         return False, 0, 0.0
-    piece, u, distance, side = nearest_on(b, x1, y1)
+    piece, u, distance, side = nearest_on(outline, x1, y1)
     if side > 0.0 or distance == 0.0:
         return False, 0, 0.0
-    if distance > b.stray:
+    if distance > outline.stray:
         # deep inside without a crossing: it started between curve and chord
-        near, v, _, _ = nearest_on(b, x0, y0)
-        _, near, v = slide(b.pieces, b.joins, False, near, v, x1, y1)
-        px, py, dx, dy, _, _ = evaluate(b.pieces[near], v)
+        near, v, _, _ = nearest_on(outline, x0, y0)
+        _, near, v = slide(outline.pieces, outline.joins, False, near, v, x1, y1)
+        px, py, dx, dy, _, _ = evaluate(outline.pieces[near], v)
         if (x1 - px) * dy - (y1 - py) * dx < 0.0:
             return True, near, v
     return True, piece, u
 
 
 @borrowing
-def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
+def _piece_at(outline: Outline, chord: int, t: float) -> tuple[int, float]:
     """The (piece, u) at fraction t of a chord."""
-    low, high = 0, b.pieces.shape[0] - 1
+    low, high = 0, outline.pieces.shape[0] - 1
     while low < high:  # the last piece whose first chord is not after this one
         middle = (low + high + 1) // 2
-        if as_record(b.joins, JOIN, middle).first_chord <= chord:
+        if as_record(outline.joins, JOIN, middle).first_chord <= chord:
             low = middle
         else:
             high = middle - 1
-    first, after = as_record(b.joins, JOIN, low).first_chord, float(b.vertices.shape[0])
-    if low + 1 < b.pieces.shape[0]:
-        after = as_record(b.joins, JOIN, low + 1).first_chord
+    first, after = as_record(outline.joins, JOIN, low).first_chord, float(outline.vertices.shape[0])
+    if low + 1 < outline.pieces.shape[0]:
+        after = as_record(outline.joins, JOIN, low + 1).first_chord
     share = (chord - first + t) / (after - first)
-    piece = as_record(b.pieces, PIECE, low)
+    piece = as_record(outline.pieces, PIECE, low)
     return low, piece.u0 + share * (piece.u1 - piece.u0)
 
 
@@ -427,10 +427,10 @@ class Representation:
     @property
     def tables(self) -> dict[str, Any]:
         """What a compiled projection on it is made of, see `outline_in`."""
-        b = self.outline
+        outline = self.outline
         return {
-            "pieces": b.pieces, "joins": b.joins, "lookup": b.samples, "vertices": b.vertices, "tree": b.tree,
-            "own": (b.stray,), "resolution": self.resolution, "standoff": self.standoff,
+            "pieces": outline.pieces, "joins": outline.joins, "lookup": outline.samples, "vertices": outline.vertices,
+            "tree": outline.tree, "own": (outline.stray,), "resolution": self.resolution, "standoff": self.standoff,
         }  # fmt: skip
 
 

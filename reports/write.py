@@ -28,7 +28,7 @@ from hapticeval.reports.templates import INDEX, PAGES_FOLDER, PATH_TO_PAGES, cas
 from hapticeval.runner.results import RESULTS_FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import BENCH_FILE, read_bench
 from hapticeval.study.effects_cost import EFFECTS_FILE, read_costs
-from hapticeval.workers import Answer, Ended, Workers
+from hapticeval.workers import Answer, ProcessEnded, Workers
 
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
@@ -311,7 +311,7 @@ def draw(order: Page | Picture) -> str | Drawing:
 def _outcome_of(answer: Answer[str | Drawing], order: Page | Picture) -> str | Drawing:
     """Return what a process made of an order; what stands in its place where the process died."""
     # The process died: the page is written without its figures, here.
-    if isinstance(answer.error, Ended):
+    if isinstance(answer.error, ProcessEnded):
         return order.fallback(DRAWING_DIED)
     if answer.error is not None:
         raise answer.error

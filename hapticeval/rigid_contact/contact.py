@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -69,6 +69,39 @@ class Ground(Protocol):
         """
 
 
+class _Drive(NamedTuple):
+    """What moves the tool over a run: the operator's force at its knots, or the places of a hand that draws the tool.
+
+    - `time` (n,), s: the samples.
+    - `knots` (k,), s, with `values` and `slopes` (k, N), N and N/s: the prescribed force, straight from knot to knot.
+      Where it `holds_places` they are those of the hand, m and m/s.
+    - `start`: the state of the `Ground` in which the run starts.
+    - `spring` (N/m) and `damper` (N s/m): between hand and tool.
+    """
+
+    time: Array
+    knots: Array
+    values: Array
+    slopes: Array
+    start: Array
+    spring: float
+    damper: float
+    holds_places: bool
+
+    def cut_into_stretches(self, dt: float) -> Stretches:
+        """Return the run in stretches within which the operator's force is linear in time; samples are `dt` s apart."""
+        began, lasts, samples = _cut_at_knots(self.time, self.knots, dt)
+        # the knot before the middle of each stretch; -1 before the first: the force is held there
+        segment = np.searchsorted(self.knots, began + 0.5 * lasts, side="right") - 1
+        knot = np.maximum(segment, 0)
+        slope = np.where(segment[:, np.newaxis] < 0, 0.0, self.slopes[knot])
+        value = self.values[knot] + slope * (began - self.knots[knot])[:, np.newaxis]
+        if self.holds_places:
+            # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
+            value, slope = self.spring * value + self.damper * slope, self.spring * slope
+        return Stretches(began, lasts, np.hstack([value, slope]), samples)
+
+
 class IdealContact:
     """A point tool of `scene.mass` on the rigid, frictionless model: the ground truth of all verdicts.
 
@@ -114,6 +147,16 @@ class IdealContact:
         positive, and `RefusalError` for a hand that only brakes and an experiment that starts inside a
         unilateral model.
         """
+        self._refuse_unfit(stimulus, dt)
+        gains = self._gains_without_hand()
+        load = as_record(gains, LOAD)  # the same numbers, by name: what is written below is for `carry`
+        drive = self._along_path(stimulus, dt) if isinstance(stimulus, Path) else self._by_experiment(stimulus, dt)
+        load.spring, load.damper = drive.spring, drive.damper
+        out, events = self._follow_stretches(drive.start, drive.cut_into_stretches(dt), gains, drive.time.size)
+        return self._as_recording(stimulus, drive.time, out, events, dt)
+
+    def _refuse_unfit(self, stimulus: Stimulus, dt: float) -> None:
+        """Raise `InputError` for a sampling time, s, or a stimulus that no run can be made of."""
         dimension = self.scene.model.dimension
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError(f"a sampling time of {dt!r} s", todo="give a positive one")
@@ -123,43 +166,43 @@ class IdealContact:
                 why=f"the model '{self.scene.model.name}' has {dimension}",
                 todo="project a path in space onto a plane model; give one in the plane a third coordinate",
             )
-        gains = self._gains_without_hand()
-        load = as_record(gains, LOAD)  # the same numbers, by name: what is written below is for `carry`
-        if isinstance(stimulus, Path):
-            load.spring = self.scene.stiffness
-            # critical damping: 2 sqrt(k m)
-            load.damper = 2.0 * math.sqrt(self.scene.stiffness * self.scene.mass)
-            time = stimulus.sampled(dt)[0]
-            knots, values = stimulus.time - stimulus.time[0], stimulus.points
-            # The hand goes on straight beyond the path's end: a stop would be felt in the last sample's mean force.
-            slopes = _slopes(knots, values)
-            slopes[-1] = slopes[-2]
-            start = self._start_of_path(values[0], slopes[0])
-        else:
-            time = sample_times(stimulus.duration, dt)
-            knots, values, slopes = _prescribed_forces(stimulus)
-            if stimulus.hand is not None:
-                # a damper alone has no closed form here, see `fly_for`
-                if stimulus.hand.stiffness == 0.0 < stimulus.hand.damping:
-                    raise RefusalError(
-                        "the hand only brakes", why="the ideal contact flies in closed form under a spring or a push"
-                    )
-                load.spring, load.damper = stimulus.hand.stiffness, stimulus.hand.damping
-            start = self._start_of_experiment(stimulus)
-        # within a stretch the operator's force is linear in time
-        began, lasts, samples = _cut_into_stretches(time, knots, dt)
-        # the knot before the middle of each stretch; -1 before the first: the force is held there
-        segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
-        knot = np.maximum(segment, 0)
-        slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[knot])
-        value = values[knot] + slope * (began - knots[knot])[:, np.newaxis]
-        if isinstance(stimulus, Path):
-            # a spring to the hand's path: g0 = k y_d + d y_d', g1 = k y_d'
-            value, slope = load.spring * value + load.damper * slope, load.spring * slope
-        out, events = self._follow_stretches(
-            start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
+
+    def _along_path(self, path: Path, dt: float) -> _Drive:
+        """Return what moves the tool along a path, sampled every `dt` s: a critically damped spring, 2 sqrt(k m)."""
+        knots, places = path.time - path.time[0], path.points
+        # The hand goes on straight beyond the path's end: a stop would be felt in the last sample's mean force.
+        rates = _slopes(knots, places)
+        rates[-1] = rates[-2]
+        return _Drive(
+            time=path.sampled(dt)[0],
+            knots=knots,
+            values=places,
+            slopes=rates,
+            start=self._start_of_path(places[0], rates[0]),
+            spring=self.scene.stiffness,
+            damper=2.0 * math.sqrt(self.scene.stiffness * self.scene.mass),
+            holds_places=True,
         )
-        return self._as_recording(stimulus, time, out, events, dt)
+
+    def _by_experiment(self, experiment: Experiment, dt: float) -> _Drive:
+        """Return what moves the tool in an experiment, sampled every `dt` s; refuses one as `simulate` says."""
+        hand = experiment.hand
+        # a damper alone has no closed form here, see `fly_for`
+        if hand is not None and hand.stiffness == 0.0 < hand.damping:
+            raise RefusalError(
+                "the hand only brakes", why="the ideal contact flies in closed form under a spring or a push"
+            )
+        knots, forces, rates = _prescribed_forces(experiment)
+        return _Drive(
+            time=sample_times(experiment.duration, dt),
+            knots=knots,
+            values=forces,
+            slopes=rates,
+            start=self._start_of_experiment(experiment),
+            spring=0.0 if hand is None else hand.stiffness,
+            damper=0.0 if hand is None else hand.damping,
+            holds_places=False,
+        )
 
     def _gains_without_hand(self) -> Array:
         """Return the numbers of a `LOAD` as the scene gives them, without spring and damper of the hand."""
@@ -285,7 +328,7 @@ def _slopes(knots: Array, values: Array) -> Array:
     return np.vstack([np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis], np.zeros((1, values.shape[1]))])
 
 
-def _cut_into_stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
+def _cut_at_knots(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
     """Return the run cut at samples and at the stimulus's knots: (s,) beginnings, lengths (s), and samples."""
     end = time[-1] + dt
     steps = knots / dt

@@ -34,7 +34,7 @@ from distributed.core import Status
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.runner import fingerprint as fingerprints
-from hapticeval.workers import TRIES, Answer, Ended, LostError, Workers
+from hapticeval.workers import TRIES, Answer, LostError, ProcessEnded, Workers
 
 T = TypeVar("T")
 
@@ -297,7 +297,7 @@ class Cluster(Generic[T]):
     def _take_apart(self, chunk: _Chunk) -> list[Answer[T]]:
         """Have the calls of a chunk that killed its workers made one by one, or give up the one call that does."""
         if chunk.alone:
-            return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
+            return [Answer(chunk.calls[0][0], None, ProcessEnded(-signal.SIGKILL))]
         self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
 

@@ -24,7 +24,7 @@ from hapticeval.runner.results import RunKey
 from hapticeval.runner.resuming import Outcomes
 from hapticeval.runner.work import Work, carry_out, derived_seed, finished_by_end, finished_by_timeout, run_job
 from hapticeval.suite.suite import files_of
-from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers, default_workers
+from hapticeval.workers import TRIES, Answer, Crew, LostError, Overdue, ProcessEnded, Workers, default_workers
 
 T = TypeVar("T")
 
@@ -244,7 +244,7 @@ def crew_of(
 
 def _finished_job(answer: Answer[JobAndFile], job: Job, options: RunOptions) -> JobFinished:
     """Return what came of a job, from its answer, with its recording put into the result folder."""
-    if isinstance(answer.error, Ended):
+    if isinstance(answer.error, ProcessEnded):
         return finished_by_end(job, answer.error)
     if isinstance(answer.error, Overdue):
         return finished_by_timeout(job, options.timeout, answer.error)

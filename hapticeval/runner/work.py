@@ -32,8 +32,7 @@ from hapticeval.runner.planning import Job
 from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
-from hapticeval.workers import TRIES, Overdue
-from hapticeval.workers import Ended as EndedProcess
+from hapticeval.workers import TRIES, Overdue, ProcessEnded
 
 JudgedJob: TypeAlias = tuple[Judged, Path | None]
 """A judged job and where its recording lies below the result folder."""
@@ -171,7 +170,7 @@ def finished(
     )  # fmt: skip
 
 
-def finished_by_end(job: Job, how: EndedProcess) -> JobFinished:
+def finished_by_end(job: Job, how: ProcessEnded) -> JobFinished:
     """Return a job whose process ended without an answer as finished, by errors of a renderer that is broken."""
     # From outside, in each of TRIES processes: no crash of the renderer's own.
     if how.killed:

@@ -18,7 +18,7 @@ from hapticeval.search.counterexample import StoredCounterexample, stored_counte
 from hapticeval.search.hunt import Search, deadline
 from hapticeval.search.shrink import size_of
 from hapticeval.search.trial import RENDERER, Bench
-from hapticeval.workers import Ended, LostError
+from hapticeval.workers import LostError, ProcessEnded
 
 
 class Hunt(NamedTuple):
@@ -168,7 +168,7 @@ def _outcome_text(part: HuntResult | None, error: Exception | None) -> str:
     """Return what came of a seed, in words."""
     if part is not None:
         return f"{part.tried} drawn, {len(part.counterexamples)} found"
-    if isinstance(error, Ended):
+    if isinstance(error, ProcessEnded):
         return f"its process ended: {error.how}" if not error.killed else "its process was killed, again and again"
     if isinstance(error, HapticevalError):
         return str(error)

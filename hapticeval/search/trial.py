@@ -19,7 +19,7 @@ from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
 from hapticeval.runner.work import seed_all
 from hapticeval.suite.case import Case
-from hapticeval.workers import Ended, Overdue, Workers
+from hapticeval.workers import Overdue, ProcessEnded, Workers
 
 T = TypeVar("T")
 
@@ -152,7 +152,7 @@ class Bench:
             silent += now - looked - max(waited_now - waited, 0.0)
             looked, waited, longest = now, waited_now, max(longest, silent)
             for answer in answers:
-                if isinstance(answer.error, Ended):
+                if isinstance(answer.error, ProcessEnded):
                     self._end()
                     return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
                 if answer.error is not None:

@@ -37,7 +37,7 @@ from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask_without_hip, check_answer, reset_checked, step_checked
 from hapticeval.types import Array
-from hapticeval.workers import Ended, Overdue, Workers
+from hapticeval.workers import Overdue, ProcessEnded, Workers
 
 TRIED_MODELS = {"plane": "circle", "space": "cube"}
 
@@ -166,7 +166,7 @@ def _await_answer(
         raise RendererBroke(
             f"no answer in {patience:g} s: it hangs{place and f', {place}'}; no more is asked", None, last=True
         )
-    if isinstance(answer.error, Ended):
+    if isinstance(answer.error, ProcessEnded):
         text = f"it ends the process that it runs in: {answer.error.how}"
         raise RendererBroke(text, text)
     if answer.error is not None:

@@ -17,7 +17,7 @@ import pytest
 
 from hapticeval import workers
 from hapticeval.pulse import note_pending
-from hapticeval.workers import Answer, Ended, Overdue, Workers
+from hapticeval.workers import Answer, Overdue, ProcessEnded, Workers
 
 
 class Untold(Exception):
@@ -116,7 +116,7 @@ def test_a_process_that_dies_takes_its_call_alone():
         crew.begin(0, "die")
         crew.begin(1, "double", 1)
         found = answered(crew, 2)
-        assert isinstance(found[0].error, Ended)
+        assert isinstance(found[0].error, ProcessEnded)
         assert found[1].value == 2
         for call in (2, 3):
             crew.begin(call, "double", call)
