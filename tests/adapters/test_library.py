@@ -273,6 +273,7 @@ def test_one_that_hangs_when_it_is_loaded_is_ended(
         resolve(f"lib:{build(INFO='for (;;) {}')}")
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("step", "words"), [("abort()", "SIGABRT"), ("*(volatile int *)0 = 1", "SIGSEGV"), ("for (;;) {}", "after 2 s")]
 )

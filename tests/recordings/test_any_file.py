@@ -142,6 +142,7 @@ def survives(folder, name, data):
     assert "Traceback" not in err.getvalue()
 
 
+@pytest.mark.system
 @settings(max_examples=20)
 @given(hurt=st.lists(damages, max_size=4))
 @pytest.mark.parametrize("name", WRITERS)

@@ -251,6 +251,7 @@ def test_a_file_cut_short_keeps_the_first_rows_of_every_signal(refused, tmp_path
     assert sum(counted) == 2000 - len(recording)
 
 
+@pytest.mark.system
 def test_whatever_byte_is_wrong_only_what_was_written_is_read(tmp_path):
     path, damaged, original = tmp_path / "run.h5", tmp_path / "damaged.h5", real(40)
     write_recording(path, original)

@@ -132,6 +132,7 @@ def test_there_has_to_be_a_folder(refused, here):
         run(None, resume=True)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("workers", [1, 2, 16])
 def test_verdicts_are_the_same_on_any_number_of_workers(here, workers):
     assert many_jobs.found(run("many", workers=workers).folder) == many_jobs.found(run("one").folder)
