@@ -42,7 +42,7 @@ from hapticeval.geometry.kernels import (
     piece_index,
 )
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
+from hapticeval.geometry.polygon_kernels import first_entry_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
 from hapticeval.laws import EMPTY_TABLE, LawData
 from hapticeval.records import as_record, as_records, record_type, room_for
@@ -378,7 +378,7 @@ def first_entry(outline: Outline, x0: float, y0: float, x1: float, y1: float, le
         if before > 0.0:
             u -= ((x1 - x0) * dx + (y1 - y0) * dy) * after / (after - before)
         return True, 0, u
-    edge, t, fraction = first_crossing_kernel(outline.vertices, outline.tree, x0, y0, x1, y1)
+    edge, t, fraction = first_entry_kernel(outline.vertices, outline.tree, x0, y0, x1, y1)
     if edge >= 0 and (outline.stray == 0.0 or fraction < 1.0):
         piece, u = _piece_at(outline, edge, t)
         return True, piece, u

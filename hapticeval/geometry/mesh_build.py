@@ -16,12 +16,12 @@ from hapticeval.geometry.mesh_kernels import (
     PSEUDO,
     RUN,
     TRIANGLE_TREE_DEPTH,
-    _product_error,
     box_middle,
     corner_of,
     neighbour_of,
     normal_of,
     position_of,
+    product_error,
     vertex_of,
 )
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
@@ -77,9 +77,9 @@ def _difference_of_products(
 ) -> float:
     """Return a b - c d of numbers in two parts, to rounding even where the products nearly cancel."""
     first, second = a[0] * b[0], c[0] * d[0]
-    product_error = _product_error(a[0], b[0], first) - _product_error(c[0], d[0], second)
+    rounded_off = product_error(a[0], b[0], first) - product_error(c[0], d[0], second)
     # the exact products and the cross terms of the second parts; what is left is below rounding
-    return (first - second) + (product_error + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
+    return (first - second) + (rounded_off + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
 
 
 @inner

@@ -358,7 +358,7 @@ def signed_distances(faces: Array, vertices: Array, tree: Array, points: Array) 
 
 
 @inner
-def _product_error(a: float, b: float, product: float) -> float:
+def product_error(a: float, b: float, product: float) -> float:
     """Return what the rounded product a b lost (Dekker 1971): a b is exactly `product` and this."""
     # 2^27 + 1 splits a double in two halves whose products are exact
     high = 134217729.0 * a
@@ -383,7 +383,7 @@ def _signed_area(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int
     area = first - second
     # the rounded products agree: what they lost decides
     if area == 0.0:
-        area = _product_error(x1, y2, first) - _product_error(x2, y1, second)
+        area = product_error(x1, y2, first) - product_error(x2, y1, second)
     sign = area
     # exactly on the origin: shift that by (d, d^2), whose first order is d (y1 - y2)
     if sign == 0.0:

@@ -263,7 +263,7 @@ def _share_along_edge(vertices: Array, k: int, x: float, y: float) -> float:
 
 
 @compiled
-def first_crossing_kernel(
+def first_entry_kernel(
     vertices: Array, tree: Array, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[int, float, float]:
     """Return where the segment from (x0, y0), outside or on the outline, to (x1, y1), m, first goes inside.
@@ -307,7 +307,7 @@ def _entered_from_outline(
 ) -> tuple[int, float, float]:
     """Return where a segment from a point of the edge `start` goes in: there, or at the end of an edge that it follows.
 
-    As `first_crossing_kernel` does; edge -1 if it goes in at neither: it may do so later. `vertices` (n, 2), m.
+    As `first_entry_kernel` does; edge -1 if it goes in at neither: it may do so later. `vertices` (n, 2), m.
     """
     vertex = _vertex_at(vertices, start, touch, x0, y0)
     passes = vertex
@@ -343,7 +343,7 @@ def _fraction_at_vertex(vertices: Array, vertex: int, x0: float, y0: float, x1: 
 def _first_edge_crossed(
     vertices: Array, tree: Array, touch: float, on_outline: bool, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[int, float, float]:
-    """Return the first edge that the segment crosses inwards, by the tree: as `first_crossing_kernel` does.
+    """Return the first edge that the segment crosses inwards, by the tree: as `first_entry_kernel` does.
 
     `vertices` (n, 2), m, and `tree` (2 m, 6); the segment starts `on_outline`, to `touch` (m), or off it.
     """
@@ -397,7 +397,7 @@ def _is_off_run(tree: Array, i: int, touch: float, end: float, x0: float, y0: fl
 def _crossing_of_edge(
     vertices: Array, k: int, touch: float, on_outline: bool, best: float, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[int, float, float]:
-    """Return where the segment crosses edge k inwards before its fraction `best`: as `first_crossing_kernel` does.
+    """Return where the segment crosses edge k inwards before its fraction `best`: as `first_entry_kernel` does.
 
     `vertices` (n, 2), m. The edge that is returned is another where it crosses at a vertex, and -1 where it does not.
     """

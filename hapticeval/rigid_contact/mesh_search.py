@@ -28,6 +28,10 @@ from hapticeval.types import Array, IntArray
 FALL_GAP = 1e-9
 """Share of a step after a fall through a plane, from where on the next is looked for."""
 
+POLYGON_SHARE = 0.05
+"""Share of its extent by which a path may leave the hull of its control polygon: a cubic's hull holds it, and the
+spring's exponential differs from a cubic by far less."""
+
 HEIGHT, CLIMB, LIFT = range(3)
 """What is watched along a path: the height over a plane (m), its rate (m/s) and the rate of that (m/s^2)."""
 
@@ -55,6 +59,13 @@ def follow(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
     # without what lies along the normal: p - (n.(p - p0)) n, and v - (n.v) n; in flight n is zero
     p = plus(p, -dot(minus(p, path.p), path.contact_normal), path.contact_normal)
     return p, plus(v, -dot(v, path.contact_normal), path.contact_normal)
+
+
+@compiled
+def _control_polygon(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple, Triple, Triple]:
+    """Return the control polygon (m) of a path of h seconds: p0, p0 + v0 h / 3, p1 - v1 h / 3, p1."""
+    p, v = follow(path, h, load)
+    return path.p, plus(path.p, h / 3.0, path.v), plus(p, -h / 3.0, v), p
 
 
 @compiled
@@ -96,18 +107,18 @@ def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: 
     A path that begins within `skin` (m) of this plane was on it: it falls where it leaves that, as its first crossing
     of the plane is rounding.
     """
-    # The acceleration changes its sign once at the most within a step, and so the climb on either side of that.
+    # The acceleration changes its sign once at the most within a step, and so the climb on either side of that bend.
     bend = h
     if watch(LIFT, normal, anchor, path, begin, load) * watch(LIFT, normal, anchor, path, h, load) < 0.0:
         bend = root_between(LIFT, 0.0, normal, anchor, path, begin, h, load)
-    # where the climb changes its sign, before the bend and after it: there the height has an extremum
-    first, second = begin, bend
+    # where the climb changes its sign the height has an extremum: one before the bend, and one after it
+    early = begin
     if watch(CLIMB, normal, anchor, path, begin, load) * watch(CLIMB, normal, anchor, path, bend, load) < 0.0:
-        first = root_between(CLIMB, 0.0, normal, anchor, path, begin, bend, load)
-    third = bend
+        early = root_between(CLIMB, 0.0, normal, anchor, path, begin, bend, load)
+    late = bend
     if bend < h and watch(CLIMB, normal, anchor, path, bend, load) * watch(CLIMB, normal, anchor, path, h, load) < 0.0:
-        third = root_between(CLIMB, 0.0, normal, anchor, path, bend, h, load)
-    cuts = (begin, first, second, third, h)
+        late = root_between(CLIMB, 0.0, normal, anchor, path, bend, h, load)
+    cuts = (begin, early, bend, late, h)
     height = watch(HEIGHT, normal, anchor, path, begin, load)
     # between two cuts the height rises or falls
     for part in range(4):
@@ -127,23 +138,20 @@ def first_fall(normal: Triple, anchor: Triple, path: ToolPath, begin: float, h: 
 
 
 @compiled
-def _box_of_path(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
-    """Return the least and largest corner (m) of a box that holds the path of a step of h seconds."""
-    p, v = follow(path, h, load)
-    # the path's control polygon: p0, p0 + v0 h / 3, p1 - v1 h / 3, p1, in whose hull a cubic lies (the spring's
-    # exponential differs from it by far less than the margin)
-    out, back = plus(path.p, h / 3.0, path.v), plus(p, -h / 3.0, v)
+def _box_around(polygon: tuple[Triple, Triple, Triple, Triple]) -> tuple[Triple, Triple]:
+    """Return the least and largest corner (m) of a box that holds the path with this control polygon."""
+    start, out, back, end = polygon
     low = (
-        min(path.p[0], p[0], out[0], back[0]),
-        min(path.p[1], p[1], out[1], back[1]),
-        min(path.p[2], p[2], out[2], back[2]),
+        min(start[0], end[0], out[0], back[0]),
+        min(start[1], end[1], out[1], back[1]),
+        min(start[2], end[2], out[2], back[2]),
     )
     high = (
-        max(path.p[0], p[0], out[0], back[0]),
-        max(path.p[1], p[1], out[1], back[1]),
-        max(path.p[2], p[2], out[2], back[2]),
+        max(start[0], end[0], out[0], back[0]),
+        max(start[1], end[1], out[1], back[1]),
+        max(start[2], end[2], out[2], back[2]),
     )
-    margin = 0.05 * (high[0] - low[0] + high[1] - low[1] + high[2] - low[2]) + SEAM_REACH
+    margin = POLYGON_SHARE * (high[0] - low[0] + high[1] - low[1] + high[2] - low[2]) + SEAM_REACH
     return plus(low, -margin, (1.0, 1.0, 1.0)), plus(high, margin, (1.0, 1.0, 1.0))
 
 
@@ -228,13 +236,13 @@ def _grazes(terrain: MeshTerrain, k: int, p: Triple, v: Triple) -> bool:
 
 @compiled
 def _stays_on_one_side(
-    normal: Triple, anchor: Triple, start: Triple, out: Triple, back: Triple, end: Triple, skin: float
+    normal: Triple, anchor: Triple, polygon: tuple[Triple, Triple, Triple, Triple], skin: float
 ) -> bool:
-    """Return whether a path stays on one side of the plane through `anchor` (m) with a unit normal.
+    """Return whether the path with this control polygon stays on one side of a plane through `anchor` (m), by `skin`.
 
-    A cubic runs in the hull of its control polygon, `start` to `end`. A path under the spring is none: a twentieth of
-    the heights' spread is granted.
+    The plane's `normal` is a unit vector.
     """
+    start, out, back, end = polygon
     heights = (
         dot(normal, minus(start, anchor)),
         dot(normal, minus(out, anchor)),
@@ -242,7 +250,7 @@ def _stays_on_one_side(
         dot(normal, minus(end, anchor)),
     )
     # by more than what the path may differ from the polygon
-    spread = 0.05 * (max(heights) - min(heights))
+    spread = POLYGON_SHARE * (max(heights) - min(heights))
     return min(heights) > spread + skin or max(heights) < -spread - skin
 
 
@@ -255,7 +263,8 @@ def first_entry(
     The time is infinite if it stays outside. `free` (6,), m, is a box known to hold no triangle: it spares the search,
     and is renewed here. `near` (t,) is room for the triangles that come near.
     """
-    low, high = _box_of_path(path, h, load)
+    polygon = _control_polygon(path, h, load)
+    low, high = _box_around(polygon)
     if (
         low[0] > free[0] and low[1] > free[1] and low[2] > free[2]
         and high[0] < free[3] and high[1] < free[4] and high[2] < free[5]
@@ -267,13 +276,11 @@ def first_entry(
         free[axis] = low[axis] - (room if count == 0 else -math.inf)
         free[3 + axis] = high[axis] + (room if count == 0 else -math.inf)
     first, best, place = math.inf, -1, path.p
-    end, end_velocity = follow(path, h, load)
-    out, back = plus(path.p, h / 3.0, path.v), plus(end, -h / 3.0, end_velocity)
     for row in range(count):
         k = near[row]
         normal = normal_of(terrain.faces, k)
         anchor = (terrain.anchors[k, 0], terrain.anchors[k, 1], terrain.anchors[k, 2])
-        if _stays_on_one_side(normal, anchor, path.p, out, back, end, load.skin):
+        if _stays_on_one_side(normal, anchor, polygon, load.skin):
             continue
         time = first_fall(normal, anchor, path, 0.0, h, load.skin, load)
         while time < first:
@@ -313,11 +320,10 @@ def first_edge(
     With the time, infinite if it stays on the face, come the triangle of the face that has the edge, and where (m).
     `near` (t,) is room for the triangles that come near.
     """
-    low, high = _box_of_path(path, h, load)
+    polygon = _control_polygon(path, h, load)
+    low, high = _box_around(polygon)
     count, _ = near_triangles(terrain, low, high, near)
     first, best, place = math.inf, -1, path.p
-    end, end_velocity = follow(path, h, load)
-    out, back = plus(path.p, h / 3.0, path.v), plus(end, -h / 3.0, end_velocity)
     for row in range(count):
         j = near[row]
         if terrain.facets[j] != terrain.facets[k]:
@@ -331,7 +337,7 @@ def first_edge(
             inward = cross(path.contact_normal, e)
             a = corner_of(terrain.faces, terrain.vertices, j, i)
             b = corner_of(terrain.faces, terrain.vertices, j, (i + 1) % 3)
-            if _stays_on_one_side(inward, a, path.p, out, back, end, load.rounding):
+            if _stays_on_one_side(inward, a, polygon, load.rounding):
                 continue
             time = first_fall(inward, a, path, 0.0, h, load.rounding, load)
             while time < first:

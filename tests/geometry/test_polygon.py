@@ -12,7 +12,7 @@ from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.geometry.kernels import PIECE
-from hapticeval.geometry.polygon_kernels import first_crossing_kernel
+from hapticeval.geometry.polygon_kernels import first_entry_kernel
 from hapticeval.geometry.representations import Polygon
 from hapticeval.records import as_records
 
@@ -146,7 +146,7 @@ def test_vertices_on_an_edge_decide_no_side(clusters, gap, turn, shift):
 def first_crossing(polygon, start, end):
     """Where the segment first goes inside: (edge, t along the edge, fraction of the segment), or None."""
     (x0, y0), (x1, y1) = np.array([start, end], dtype=np.float64)
-    edge, along, fraction = first_crossing_kernel(for_kernels(polygon.vertices), polygon.tree, x0, y0, x1, y1)
+    edge, along, fraction = first_entry_kernel(for_kernels(polygon.vertices), polygon.tree, x0, y0, x1, y1)
     return (edge, along, fraction) if edge >= 0 else None
 
 
