@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,24 @@ RUNAWAY_RATIO = 3.0
 SMALLEST_DISTANCE = 1e-12
 """Distances (m) below this are rounding errors, and lie on the floor of a logarithmic panel."""
 
+FIGURE_WIDTH, PLANE_HEIGHT = 4.4, 4.1
+"""Inches of both figures, and of that of the model."""
+
+PLANE_AREA, SPACE_AREA = (0.17, 0.12, 0.82, 0.87), (0.01, 0.01, 0.98, 0.98)
+"""Left, bottom, width and height as shares of the figure: the plane needs room for numbers, space does not."""
+
+PLOT_HEIGHT, LOW_PLOT_HEIGHT = 2.1, 1.55
+"""Inches of a panel; the lower where there are more than two."""
+
+TIME_ROOM, TIME_AXIS = 0.5, 0.42
+"""Inches that panels leave free, and those of them that the numbers and the label of the time take."""
+
+PLOT_LEFT, PLOT_WIDTH, PLOT_MARGIN, PLOT_GAP = 0.175, 0.78, 0.02, 0.05
+"""Shares of the figure: where panels begin, and how wide they are; what is free below one, and of its height in all."""
+
+LABEL_LEFT = -0.15
+"""Where labels of vertical axes stand, as a share of the axes' width: flush in all panels."""
+
 PATH_MARKERS = 12
 """A path bears about so many markers."""
 
@@ -57,6 +75,25 @@ class Place:
     time: float
 
 
+class Term(NamedTuple):
+    """One line of a panel: a `channel` of the track, of it one `column`, or of vectors the length; and its label.
+
+    `is_size`: lengths of vectors, and numbers without their sign.
+    """
+
+    channel: str
+    label: str
+    column: int | None = None
+    is_size: bool = False
+
+    @property
+    def script_name(self) -> str:
+        """The name that `assets/case.js` reads: "force.1" of a column, "|force|" of a size."""
+        if self.is_size:
+            return f"|{self.channel}|"
+        return self.channel if self.column is None else f"{self.channel}.{self.column}"
+
+
 @dataclass(frozen=True)
 class Panel:
     """One plot against time: the label of its axis, and what is drawn of each run; see `panel_values`.
@@ -65,33 +102,33 @@ class Panel:
     """
 
     label: str
-    terms: tuple[tuple[str, str], ...]
+    terms: tuple[Term, ...]
     powers: tuple[float, float] | None = None
     """Of a logarithmic axis, both ends."""
 
 
-def case_panels(tracks: Sequence[Track], *, held_on_surface: bool) -> list[Panel]:
-    """Return the panels of a case: force, and steps or depth; of a tool that is `held_on_surface` its distance."""
+def case_panels(tracks: Sequence[Track]) -> list[Panel]:
+    """Return the panels of a case: force, and steps or depth; of a hand that is held on a surface its distance."""
     panels = []
     # A run in one dimension, which lies on the second axis: its place says what the plane cannot.
     if all(track.hip.shape[1] == 2 and not track.hip[:, 0].any() for track in tracks):
-        panels.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
+        panels.append(Panel("place (mm)", (Term("hip", "HIP", column=1), Term("ihip", "IHIP", column=1))))
     widest = max((track.hip.shape[1] for track in tracks), default=2)
     if any(track.force is not None for track in tracks):
-        parts = tuple((f"force.{k}", f"F{'₁₂₃'[k]}") for k in range(widest))
-        panels.append(Panel("force (N)", (("|force|", "|F|"), *parts)))
-    if held_on_surface:
-        panels.append(Panel("off the surface (mm)", (("off", "off"),)))
-        panels.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_power_range(tracks)))
-        panels.append(Panel("speed along it (m/s)", (("along", "along"),)))
+        parts = tuple(Term("force", f"F{'₁₂₃'[k]}", column=k) for k in range(widest))
+        panels.append(Panel("force (N)", (Term("force", "|F|", is_size=True), *parts)))
+    if any(track.off is not None for track in tracks):
+        panels.append(Panel("off the surface (mm)", (Term("off", "off"),)))
+        panels.append(Panel("the same, size (mm)", (Term("off", "off", is_size=True),), powers=_power_range(tracks)))
+        panels.append(Panel("speed along it (m/s)", (Term("along", "along"),)))
     # Without an IHIP there is neither depth nor its step: the hand alone is drawn.
     elif any(track.apart is None for track in tracks) and len(tracks) == 1:
-        panels.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
+        panels.append(Panel("HIP step a tick (mm)", (Term("hip_step", "HIP"),)))
     # On a given path a tool that jumps farther than the hand moves is pop-through.
     elif all(track.led for track in tracks):
-        panels.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
+        panels.append(Panel("step a tick (mm)", (Term("step", "IHIP"), Term("hip_step", "HIP"))))
     else:
-        panels.append(Panel("depth (mm)", (("|apart|", "depth"),)))
+        panels.append(Panel("depth (mm)", (Term("apart", "depth", is_size=True),)))
     return panels
 
 
@@ -107,23 +144,18 @@ def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
     return float(MM * 10.0 ** np.floor(np.log10(closest))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
 
 
-def panel_values(track: Track, name: str) -> Array | None:
-    """Return what a panel draws of a run, (n,), in N, mm or m/s; None where it was not recorded.
-
-    `name` is a channel of the track: "force.0" its first coordinate, "|force|" its size.
-    """
-    channel, _, column = name.strip("|").partition(".")
-    values: Array | None = getattr(track, channel)
+def panel_values(track: Track, term: Term) -> Array | None:
+    """Return what a panel draws of a run, (n,), in N, mm or m/s; None where it was not recorded."""
+    values: Array | None = getattr(track, term.channel)
     if values is None:
         return None
     # Forces are shown in N and speeds in m/s, lengths in mm.
-    scale = 1.0 if channel in ("force", "along") else MM
-    # "force.1" is one coordinate; one that a run in the plane does not have is not drawn.
-    if column:
-        return scale * values[:, int(column)] if int(column) < values.shape[1] else None
-    if name.startswith("|"):
-        size = np.linalg.norm(values, axis=1) if values.ndim == 2 else np.abs(values)
-        return scale * size
+    scale = 1.0 if term.channel in ("force", "along") else MM
+    if term.column is not None:
+        # One that a run in the plane does not have is not drawn.
+        return scale * values[:, term.column] if term.column < values.shape[1] else None
+    if term.is_size:
+        return scale * (np.linalg.norm(values, axis=1) if values.ndim == 2 else np.abs(values))
     return scale * values
 
 
@@ -145,8 +177,8 @@ def plane_svg(
     space = tracks[0].hip.shape[1] == 3
     # (N, 2), mm/m: in space the projection along the direction to the eye.
     projection = MM * (EYE_AXES[:2].T if space else np.eye(2))
-    with figure(4.4, 4.1, page=True) as fig:
-        axes = fig.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.17, 0.12, 0.82, 0.87))
+    with figure(FIGURE_WIDTH, PLANE_HEIGHT, page=True) as fig:
+        axes = fig.add_axes(SPACE_AREA if space else PLANE_AREA)
         view = view_of(tracks, model, projection, aspect_of(axes))
         if model is not None:
             draw_geometry(axes, solid_shadow(model, EYE_AXES) if space else filled_part(model, view), view)
@@ -191,7 +223,7 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-            axes.yaxis.set_label_coords(-0.15, 0.5)
+            axes.yaxis.set_label_coords(LABEL_LEFT, 0.5)
         return page_svg(fig, prefix=prefix, title=title)
 
 
@@ -282,20 +314,21 @@ def panels_svg(
     title: str,
 ) -> str:
     """Return the panels, one above the other, as an SVG element."""
-    height = 1.55 if len(panels) > 2 else 2.1
-    with figure(4.4, 0.5 + height * len(panels), page=True) as fig:
+    height = TIME_ROOM + (LOW_PLOT_HEIGHT if len(panels) > 2 else PLOT_HEIGHT) * len(panels)
+    with figure(FIGURE_WIDTH, height, page=True) as fig:
         # Heights as shares of the figure, above the room for the time axis.
         share = 1.0 / len(panels)
-        below = 0.42 / (0.5 + height * len(panels))
+        below = TIME_AXIS / height
         free = 1.0 - below
         start = min(float(track.time[0]) for track in tracks)
         end = max(float(track.time[-1]) for track in tracks)
         for k, panel in enumerate(panels):
-            axes = fig.add_axes((0.175, below + free * (1.0 - (k + 1) * share) + 0.02, 0.78, free * share - 0.05))
+            bottom = below + free * (1.0 - (k + 1) * share) + PLOT_MARGIN
+            axes = fig.add_axes((PLOT_LEFT, bottom, PLOT_WIDTH, free * share - PLOT_GAP))
             _draw_panel(axes, tracks, panel, looks, alone=len(tracks) == 1)
             axes.set_xlim(start, end if end > start else start + 1e-3)
             axes.set_ylabel(panel.label)
-            axes.yaxis.set_label_coords(-0.15, 0.5)
+            axes.yaxis.set_label_coords(LABEL_LEFT, 0.5)
             axes.grid(True)
             last = k == len(panels) - 1
             axes.tick_params(labelbottom=last, bottom=False, left=False, which="both")
@@ -325,8 +358,8 @@ def _draw_panel(axes: Axes, tracks: Sequence[Track], panel: Panel, looks: Mappin
     highs, lows = [0.0], [0.0]
     for track in tracks:
         look = looks[track.name]
-        for k, (name, _) in enumerate(panel.terms if alone else panel.terms[:1]):
-            values = panel_values(track, name)
+        for k, term in enumerate(panel.terms if alone else panel.terms[:1]):
+            values = panel_values(track, term)
             if values is None:
                 continue
             if panel.powers:

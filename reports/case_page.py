@@ -277,83 +277,126 @@ def case_section(
     from hapticeval.phenomena.registry import CHECKS
 
     names = [entry.renderer for entry in entries]
-    # A renderer's look is its place in the whole report, not on this page.
-    looks = looks_of([*order, *names])
     # Verdicts of a run that broke say nothing: the page names them with the error.
     judged = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
-    drawable = {
-        name: drawable_recording(recording)
-        for name, recording in recordings.items()
-        if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
-    }
-    times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
-    model = model_of(entries[0], next(iter(drawable.values()), None))
-    # A foreign recording may be of another space than the model that its entry names.
-    if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
-        model = None
+    drawable = _drawable_recordings(recordings)
     is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
-    # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
-    surface = model if entries[0].scene.bilateral and not is_led else None
-    tracks = sample_tracks({name: drawable[name] for name in names if name in drawable}, times, held_on=surface)
-    drawn_names = [track.name for track in tracks]
-    places = _failed_places(judged, set(drawn_names))
-    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawn_names]
+    # A renderer's look is its place in the whole report, not on this page.
+    drawing = _plan_drawing(entries, drawable, verdicts, judged, looks=looks_of([*order, *names]), is_led=is_led)
+    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawing.names]
     worst = next(iter(gravest_first(timed)), None)
-    crosses = {
-        entry.renderer: entry.refusal.position
-        for entry in entries
-        if entry.refusal is not None and entry.refusal.position is not None
-    }
-    panels = case_panels(tracks, held_on_surface=surface is not None) if tracks else ()
     case = entries[0].suite, entries[0].case
     label = "/".join(case)
-    charts = _draw_charts(drawable, model, prefix=prefix, label=label)
-    figures = _case_figures(tracks, panels, model, looks, places, crosses, prefix=prefix, label=label)
-    figures |= {chart.figure: svg for chart, svg in charts}
+    charts = _draw_charts(drawable, drawing.model, prefix=prefix, label=label)
     view = CaseView(
         case=case,
         entries=entries,
-        looks=looks,
-        model=model,
+        looks=drawing.looks,
+        model=drawing.model,
         note=note,
         enclosing_names=enclosing_names,
-        ticked_names=differing_renderers(judged, drawn_names, worst),
-        drawn_names=drawn_names,
+        ticked_names=differing_renderers(judged, drawing.names, worst),
+        drawn_names=drawing.names,
         own_tools=[name for name, recording in drawable.items() if is_led and recording.own_tool],
         problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},
-        figures=figures,
-        data=_script_data(tracks, panels, model, looks, names, crosses) if tracks else "",
-        parts=_drawn_parts(tracks),
+        figures=_case_figures(drawing, prefix=prefix, label=label) | {chart.figure: svg for chart, svg in charts},
+        data=_script_data(drawing, names) if drawing.tracks else "",
+        parts=_drawn_parts(drawing.tracks),
         charts=[chart for chart, _ in charts],
         verdicts=verdicts,
         checks=_check_sections(judged),
         questions={v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS},
         check_pages=check_pages,
         worst=worst,
-        place_numbers={(place.renderer, place.time): place.number for place in places},
+        place_numbers={(place.renderer, place.time): place.number for place in drawing.places},
     )
     return environment().get_template("case_section.html.j2").render(view=view)
 
 
-def _case_figures(
-    tracks: Sequence[Track],
-    panels: Sequence[Panel],
-    model: Model | None,
-    looks: Mapping[str, Look],
-    places: Sequence[Place],
-    crosses: Mapping[str, Sequence[float]],
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """What figures and script draw of a case: its `tracks` on the `model` and in `panels`, each run by its look.
+
+    `places` are numbered; `crosses` are points, m, by renderer: where it refuses the model.
+    """
+
+    tracks: Sequence[Track]
+    panels: Sequence[Panel]
+    model: Model | None
+    looks: Mapping[str, Look]
+    places: Sequence[Place]
+    crosses: Mapping[str, Sequence[float]]
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The renderers of which something is drawn."""
+        return [track.name for track in self.tracks]
+
+
+def _drawable_recordings(recordings: Mapping[str, Recording | str]) -> dict[str, Recording]:
+    """Return the recordings that have a hand path and something measured, as they can be drawn, by renderer."""
+    return {
+        name: drawable_recording(recording)
+        for name, recording in recordings.items()
+        if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
+    }
+
+
+def _plan_drawing(
+    entries: Sequence[RunEntry],
+    drawable: Mapping[str, Recording],
+    verdicts: Mapping[str, Sequence[VerdictEntry]],
+    judged: Sequence[VerdictEntry],
     *,
-    prefix: str,
-    label: str,
-) -> dict[str, str]:
+    looks: Mapping[str, Look],
+    is_led: bool,
+) -> Drawing:
+    """Return what is drawn of the `drawable` recordings, with the samples that `verdicts` name.
+
+    Of the verdicts `judged` it marks the places; `is_led` where the hand follows a path.
+    """
+    model = model_of(entries[0], next(iter(drawable.values()), None))
+    # A foreign recording may be of another space than the model that its entry names.
+    if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
+        model = None
+    times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
+    tracks = sample_tracks(
+        {entry.renderer: drawable[entry.renderer] for entry in entries if entry.renderer in drawable},
+        times,
+        # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
+        held_on=model if entries[0].scene.bilateral and not is_led else None,
+    )
+    return Drawing(
+        tracks=tracks,
+        panels=case_panels(tracks) if tracks else (),
+        model=model,
+        looks=looks,
+        places=_failed_places(judged, {track.name for track in tracks}),
+        crosses={
+            entry.renderer: entry.refusal.position
+            for entry in entries
+            if entry.refusal is not None and entry.refusal.position is not None
+        },
+    )
+
+
+def _case_figures(drawing: Drawing, *, prefix: str, label: str) -> dict[str, str]:
     """Draw paths and plots of what was recorded; without any of it, in the plane, where renderers refuse the model."""
+    tracks, model, looks, places, crosses = (
+        drawing.tracks, drawing.model, drawing.looks, drawing.places, drawing.crosses,
+    )  # fmt: skip
     if tracks:
         return {
             "plane": plane_svg(
                 tracks, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
             ),
             "plots": panels_svg(
-                tracks, panels, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
+                tracks,
+                drawing.panels,
+                looks,
+                places,
+                prefix=f"{prefix}t",
+                title=f"{label}: force and motion against time",
             ),
         }
     # Nothing was recorded: every renderer refused, and some say where.
@@ -466,26 +509,26 @@ def _urgency_rank(verdict: VerdictEntry) -> int:
     return 1 if verdict.outcome is Outcome.FAIL else 2
 
 
-def _script_data(
-    tracks: Sequence[Track],
-    panels: Sequence[Panel],
-    model: Model | None,
-    looks: Mapping[str, Look],
-    names: Sequence[str],
-    crosses: Mapping[str, Sequence[float]],
-) -> str:
-    """Return what the page's script reads, as JSON: paths and runs, panels and model."""
+def _script_data(drawing: Drawing, names: Sequence[str]) -> str:
+    """Return what the page's script reads, as JSON: paths and runs, panels and model; `names` are those of all runs."""
     # Keys are what assets/case.js reads.
-    drawn = tracks_document(tracks)
+    drawn = tracks_document(drawing.tracks)
     for run in drawn["runs"]:
-        look = looks[run["name"]]
+        look = drawing.looks[run["name"]]
         run |= {"number": names.index(run["name"]), "role": look.role, "dash": look.dash, "marker": look.marker}
     document = {
         **drawn,
-        "dimension": int(tracks[0].hip.shape[1]),
-        "panels": [{"label": panel.label, "terms": panel.terms, "range": panel.powers} for panel in panels],
-        "model": model_document(model, tracks),
-        "crosses": crosses,
+        "dimension": int(drawing.tracks[0].hip.shape[1]),
+        "panels": [
+            {
+                "label": panel.label,
+                "terms": [(term.script_name, term.label) for term in panel.terms],
+                "range": panel.powers,
+            }
+            for panel in drawing.panels
+        ],
+        "model": model_document(drawing.model, drawing.tracks),
+        "crosses": drawing.crosses,
     }
     # As JSON writes it in a script element, which "<" could end.
     return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -216,7 +216,7 @@ def test_a_recording_of_one_dimension_is_shown_before_its_wall():
     )
     [track] = sample_tracks({"r": run}, {})
     assert track.hip.shape == (40, 2)
-    shown = case_panels([track], held_on_surface=False)
+    shown = case_panels([track])
     assert [each.label for each in shown] == ["place (mm)", "force (N)", "depth (mm)"]
     assert "place (mm)" in panels_svg([track], shown, looks_of("r"), [], prefix="p", title="t")
 
@@ -295,7 +295,7 @@ def held_on(model, **runs):
     looks = looks_of(runs)
     return (
         plane_svg(found, model, looks, [], crosses={}, prefix="a", title="three"),
-        panels_svg(found, case_panels(found, held_on_surface=True), looks, [], prefix="b", title="three"),
+        panels_svg(found, case_panels(found), looks, [], prefix="b", title="three"),
     )
 
 
