@@ -30,6 +30,12 @@ STUCK_ROWS = 10
 WAKING_TIMES = 4.0
 """The jump on waking is larger than so many of the steps beside it, and than so many quanta."""
 
+LASTING_TIMES = 5
+"""A stuck value lasts for more than so many times the rows for which the column's values usually do."""
+
+ROWS_AWAKE = 3
+"""More rows than so many follow the waking: a value that differs at the column's very end is no sensor that woke."""
+
 CLIPPED_ROWS = 5
 """Equal values in a row, at the extreme of a column and reached at speed, that are clipped."""
 
@@ -38,6 +44,9 @@ CLIPPED_QUANTA = 3.0
 
 CLIPPED_SHARE = 0.3
 """A clipped signal keeps more than this share of its speed up to the extreme: a smooth peak is entered slowly."""
+
+RAMP_STEPS = 3
+"""Steps into and out of a clipped run that show at what speed the signal comes and goes; one row more is beyond."""
 
 NEIGHBOURING_STEPS = 8
 """Steps on either side of a jump, or of a stuck value, that it is compared with."""
@@ -58,6 +67,9 @@ SPIKE_QUANTA = 6.0
 
 NEIGHBOUR_AGREEMENT = 0.25
 """Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved."""
+
+FEWEST_SPIKE_ROWS = 8
+"""Rows below which nothing is usual in a stretch, and so no row of it a spike."""
 
 NEIGHBOUR_OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 SLOPE_WEIGHTS = NEIGHBOUR_OFFSETS / np.dot(NEIGHBOUR_OFFSETS, NEIGHBOUR_OFFSETS)
@@ -158,11 +170,12 @@ def _runs_that_wake(values: Array, step: float) -> Iterator[Span]:
     steps = np.abs(np.diff(values))
     # Rows for which each value lasts: a slow or coarse signal keeps its values longer, and that is not stuck.
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(steps) + 1, [values.size]]))
-    for first, end in _constant_runs(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
+    for first, end in _constant_runs(values, max(STUCK_ROWS, int(LASTING_TIMES * float(np.median(lengths))) + 1)):
         # The largest step beside the run: a jump on waking stands out against it.
         neighbours = [steps[max(0, first - NEIGHBOURING_STEPS) : first], steps[end : end + NEIGHBOURING_STEPS]]
         around = np.concatenate(neighbours).max(initial=0.0)
-        if end < values.size - 3 and abs(values[end] - values[first]) > max(WAKING_TIMES * around, WAKING_TIMES * step):
+        waking_jump = abs(values[end] - values[first]) if end < values.size - ROWS_AWAKE else 0.0
+        if waking_jump > WAKING_TIMES * max(around, step):
             yield first, end
 
 
@@ -186,13 +199,14 @@ def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[
     """Return runs at an extreme that the signal reaches and leaves at speed, as no smooth signal turns."""
     spans = []
     for first, end in _constant_runs(values, CLIPPED_ROWS):
-        if values[first] not in extremes or first < 4 or end > values.size - 4:
+        if values[first] not in extremes or first <= RAMP_STEPS or end >= values.size - RAMP_STEPS:
             continue
         # 1 at an upper extreme, -1 at a lower one: rise and fall are then positive towards and away from it.
         upward = np.sign(values[first] - values[first - 1])
-        rise = upward * np.diff(values[first - 3 : first + 1])
-        fall = -upward * np.diff(values[end - 1 : end + 3])
-        steady = np.all(rise[:2] > CLIPPED_QUANTA * step) and np.all(fall[1:] > CLIPPED_QUANTA * step)
+        rise = upward * np.diff(values[first - RAMP_STEPS : first + 1])
+        fall = -upward * np.diff(values[end - 1 : end + RAMP_STEPS])
+        # the step on to the extreme, and the one off it, are cut short by it: they are left out
+        steady = np.all(rise[:-1] > CLIPPED_QUANTA * step) and np.all(fall[1:] > CLIPPED_QUANTA * step)
         # a smooth peak of this width is entered by steps of curvature alone: each a small share of the one before
         if steady and rise[1] > CLIPPED_SHARE * rise[0] and fall[1] > CLIPPED_SHARE * fall[2]:
             spans.append((first, end))
@@ -201,7 +215,7 @@ def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[
 
 def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
     """Yield single rows off the line through their neighbours, whose neighbours agree."""
-    if values.size < 8:
+    if values.size < FEWEST_SPIKE_ROWS:
         return
     # How far each row is off the middle of its neighbours: half the second difference.
     size = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
@@ -214,7 +228,7 @@ def _spikes(values: Array, step: float, is_force: bool) -> Iterator[int]:
         SPIKE_QUANTA * step,
     )
     for row in (np.flatnonzero(size > floor) + 1).tolist():
-        if row < 2 or row > values.size - 3:
+        if row < 2 or row > values.size - 3:  # two rows on either side are asked
             continue
         neighbours = values[[row - 2, row - 1, row + 1, row + 2]]
         if is_force and np.any(neighbours == 0.0):
