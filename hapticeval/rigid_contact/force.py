@@ -66,6 +66,10 @@ SEAM_REACH = 1e-9
 """How far (m) a cell of a curve reaches beyond its ends that are not convex, and a triangle beyond its concave edges:
 no path slips through between two."""
 
+OFF_CUBIC_SHARE = 0.05
+"""Share of its extent by which a path may leave the hull of its control polygon. *Chosen*: the hull holds a cubic, and
+the spring's exponential differs from one by far less."""
+
 POSITION_ROUNDING = 1e-15
 """Share of the model's farthest coordinate that is above the rounding of positions."""
 

@@ -13,7 +13,7 @@ from hapticeval.bracket import MOST_GUESSES, guess_between, narrow_bracket
 from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import FACE, VERTEX, corner_of, normal_of
 from hapticeval.geometry.triples import Triple, cross, dot, minus, plus
-from hapticeval.rigid_contact.force import ALIGNED_SHARE, PLACE_REACH, SEAM_REACH
+from hapticeval.rigid_contact.force import ALIGNED_SHARE, OFF_CUBIC_SHARE, PLACE_REACH, SEAM_REACH
 from hapticeval.rigid_contact.mesh_terrain import (
     MeshTerrain,
     edge_direction,
@@ -27,10 +27,6 @@ from hapticeval.types import Array, IntArray
 
 FALL_GAP = 1e-9
 """Share of a step after a fall through a plane, from where on the next is looked for."""
-
-POLYGON_SHARE = 0.05
-"""Share of its extent by which a path may leave the hull of its control polygon: a cubic's hull holds it, and the
-spring's exponential differs from a cubic by far less."""
 
 HEIGHT, CLIMB, LIFT = range(3)
 """What is watched along a path: the height over a plane (m), its rate (m/s) and the rate of that (m/s^2)."""
@@ -50,7 +46,7 @@ class ToolPath(NamedTuple):
 
 @compiled
 def follow(path: ToolPath, h: float, load: Any) -> tuple[Triple, Triple]:
-    """Return position (m) and velocity (m/s) h seconds along a path, under a `load` (12,).
+    """Return position (m) and velocity (m/s) h seconds along a path, under a `LOAD`.
 
     Under a force that is the same on all axes but for a push, what lies along a plane moves as if alone: a slide is a
     flight whose part along the normal is left out.
@@ -151,7 +147,7 @@ def _box_around(polygon: tuple[Triple, Triple, Triple, Triple]) -> tuple[Triple,
         max(start[1], end[1], out[1], back[1]),
         max(start[2], end[2], out[2], back[2]),
     )
-    margin = POLYGON_SHARE * (high[0] - low[0] + high[1] - low[1] + high[2] - low[2]) + SEAM_REACH
+    margin = OFF_CUBIC_SHARE * (high[0] - low[0] + high[1] - low[1] + high[2] - low[2]) + SEAM_REACH
     return plus(low, -margin, (1.0, 1.0, 1.0)), plus(high, margin, (1.0, 1.0, 1.0))
 
 
@@ -250,7 +246,7 @@ def _stays_on_one_side(
         dot(normal, minus(end, anchor)),
     )
     # by more than what the path may differ from the polygon
-    spread = POLYGON_SHARE * (max(heights) - min(heights))
+    spread = OFF_CUBIC_SHARE * (max(heights) - min(heights))
     return min(heights) > spread + skin or max(heights) < -spread - skin
 
 

@@ -20,7 +20,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import SMOOTH_TURN, turn_at_join
 from hapticeval.geometry.kernels import ARC, LINE, LINE_PIECE, PIECE, UNBOUNDED, evaluate, evaluate_many
 from hapticeval.records import as_record, as_records, record_type, room_for
-from hapticeval.rigid_contact.force import SEAM_REACH
+from hapticeval.rigid_contact.force import OFF_CUBIC_SHARE, SEAM_REACH
 from hapticeval.rigid_contact.plane_motion import fly_for
 from hapticeval.types import Array
 
@@ -31,8 +31,8 @@ CELL_TURN = 0.2
 """Most that the boundary turns within a cell (rad): few enough that it is a graph over the cell's chord."""
 
 TIP_REACH = 1e-15
-"""The same at a convex corner, where nothing is there to be hit: only so far that rounding cannot let a tool that is
-dropped straight onto the tip fall between the two faces."""
+"""How far (m) a cell reaches beyond an end at a convex corner, in place of `SEAM_REACH`. There nothing is to be hit,
+but rounding must not let a tool that is dropped straight onto the tip fall between the two faces."""
 
 CHORD_CELL = record_type(
     "piece", "ua", "ub", "ox", "oy", "ex", "ey", "span", "slope_a", "slope_b", "reach_a", "reach_b",
@@ -267,19 +267,19 @@ def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load
 def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, free: Array) -> tuple[float, int, float]:
     """Return when a flight of h seconds first enters the model, through which piece and at what u.
 
-    `flight` is (x, y, vx, vy, tau); the time is infinite if it stays outside. `load` (10,) as in `motion`.
+    `flight` is (x, y, vx, vy, tau); the time is infinite if it stays outside. `load` is a `LOAD`.
 
     `free` (4,) is a box (xmin, xmax, ymin, ymax), m, known to hold no boundary: it spares the search, and is renewed
     here.
     """
     x0, y0, vx0, vy0, tau = flight
     x1, y1, vx1, vy1 = fly_for(x0, y0, vx0, vy0, tau, h, load)
-    # The path's control polygon (cubic; the spring's exponential differs from it by far less than the margin).
+    # the path's control polygon: p0, p0 + v0 h / 3, p1 - v1 h / 3, p1
     xa, xb = x0 + vx0 * h / 3.0, x1 - vx1 * h / 3.0
     ya, yb = y0 + vy0 * h / 3.0, y1 - vy1 * h / 3.0
     xmin, xmax = min(x0, x1, xa, xb), max(x0, x1, xa, xb)
     ymin, ymax = min(y0, y1, ya, yb), max(y0, y1, ya, yb)
-    margin = 0.05 * (xmax - xmin + ymax - ymin) + load.skin
+    margin = OFF_CUBIC_SHARE * (xmax - xmin + ymax - ymin) + load.skin
     xmin, xmax, ymin, ymax = xmin - margin, xmax + margin, ymin - margin, ymax + margin
     # the whole flight is inside the free box
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
