@@ -74,7 +74,11 @@ class UnknownNameError(InputError):
         # A likeness of one half: a wrong letter or two still match, and unlike words do not.
         close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
         suggestion = f"known: {', '.join(names)}" if names else "there is none: leave it out"
-        suggestion = f"did you mean {' or '.join(close)}?" if close else suggestion
+        if close:
+            guess = f"did you mean {' or '.join(close)}?"
+            # Less alike than three quarters, as square and star, is a poor guess: all are named beside it.
+            is_sure = difflib.get_close_matches(name, close, cutoff=0.75)
+            suggestion = guess if is_sure else f"{guess} {suggestion}"
         super().__init__(f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion)
 
 

@@ -53,6 +53,9 @@ def test_unknown_names_suggest_known_ones(refused):
         make_model("casinian")
     with refused(UnknownNameError):
         make_model("star", tipangle=60)
+    # Star and sphere are poor guesses: all are named beside them.
+    with refused(UnknownNameError):
+        make_model("square")
     with refused(InputError):
         make_model("polygon")
 

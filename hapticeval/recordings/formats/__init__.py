@@ -123,7 +123,7 @@ class Table:
             return np.asarray(self.columns[name])
         error = UnknownNameError("column", name, self.columns)
         # The closest name may be of something else: only all of them show what the file calls it.
-        if self.columns and not error.todo.startswith("known: "):
+        if self.columns and "known: " not in error.todo:
             error.todo += f" known: {', '.join(sorted(self.columns))}"
         # A column that the file has and that is no column of numbers.
         error.why = next((remark for remark in self.remarks if f"'{name}'" in remark), error.why)
