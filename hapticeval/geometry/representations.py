@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import as_records
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import solids
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import line_pieces
+from hapticeval.geometry.kernels import LINE_PIECE, line_pieces
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
@@ -69,6 +70,29 @@ class Polygon(Curve):
             _largest_between(lambda u: np.abs(self.signed_distance(curve.position(u))), stops),
             _largest_between(lambda share: np.abs(curve.signed_distance(self._along(share))), shares),
         )
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
+        """Answer `Boundary.descend` for `start` and `goal` (2,), m: exact, from edge to edge."""
+        vertices, count = self.vertices, len(self.vertices)
+        lines = as_records(self.pieces, LINE_PIECE)
+        directions = np.column_stack([lines.dx, lines.dy])
+        u = float(self.nearest(start[np.newaxis])[0])
+        k = min(int(np.searchsorted(lines.u1, u, side="right")), count - 1)
+        # at a vertex the edge that leads downhill more steeply
+        if u <= lines.u0[k] and (goal - vertices[k]) @ (directions[k - 1] + directions[k]) < 0.0:
+            k = (k - 1) % count
+        for _ in range(count):
+            along = float((goal - vertices[k]) @ directions[k])
+            if 0.0 < along < lines.u1[k] - lines.u0[k]:
+                return np.asarray(vertices[k] + along * directions[k])
+            # the nearest point of the edge is an end: on over the neighbour, as long as that leads downhill
+            ahead = along > 0.0
+            neighbour = (k + 1 if ahead else k - 1) % count
+            end = vertices[neighbour if ahead else k]
+            if (goal - end) @ directions[neighbour] * (1.0 if ahead else -1.0) <= 0.0:
+                break
+            k = neighbour
+        return np.array(end)
 
     def _along(self, share: Array) -> Array:
         """Return the points (n, 2), m, at shares (n,): edge number plus the share of that edge."""

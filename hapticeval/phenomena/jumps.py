@@ -38,7 +38,7 @@ from hapticeval.phenomena.decisions import (
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
-from hapticeval.phenomena.sampling import touching
+from hapticeval.phenomena.sampling import touching, worst_row
 from hapticeval.phenomena.steps import contact_steps, largest_jump
 from hapticeval.recordings.recording import Recording, single_rounding
 from hapticeval.scene import Scene
@@ -124,8 +124,9 @@ def look_closer(path: Refinable, scene: Scene, *, bounds: Array, standoff: float
         return None
     # A proxy that lags moves later than the hand that made it.
     tick = min(place.tick, len(path.recording) - 1)
-    steps = contact_steps(path.recording, scene)[tick : tick + LAG_TICKS + 1]
-    return replace(place, tick=tick + int(np.argmax(steps)))
+    near = slice(tick, tick + LAG_TICKS + 1)
+    # The step that is too long: one that may be longer, as a flight, is not this place.
+    return replace(place, tick=tick + worst_row((contact_steps(path.recording, scene) - bounds)[near]))
 
 
 class _Look:
@@ -197,7 +198,7 @@ class _JumpSearch:
     def _look_into(self, look: _Look, first: int, last: int) -> RoughPlace | _Look | None:
         """Return what is left of a stretch of steps above their bounds, or the finer look that has to tell."""
         recording = look.path.recording
-        worst = first + int(np.argmax((look.steps - look.bounds)[first : last + 1]))
+        worst = first + worst_row((look.steps - look.bounds)[first : last + 1])
         scales = self._scales_with(look, worst)
         # The scale says how much finer the next look may be before coordinates are too coarse for it.
         hip_step = scales[-1].hip_step
@@ -225,7 +226,7 @@ class _JumpSearch:
 
     def _judge_worst(self, look: _Look) -> RoughPlace | None:
         """Judge the largest step of a look below single precision in which none is above its bound."""
-        worst = int(np.argmax(look.steps))
+        worst = worst_row(look.steps)
         scales = self._scales_with(look, worst)
         return _judge_scales(scales, look.tick(worst), float(look.bounds[worst]), self.resolved_step)
 
@@ -255,10 +256,10 @@ def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tu
     gaps = np.flatnonzero(np.diff(high) > 2 * LAG_TICKS) + 1
     pending = [(int(rows[0]), int(rows[-1])) for rows in np.split(high, gaps) if rows.size]
     while pending:
-        # The stretch with the largest step is last, and taken first.
-        pending.sort(key=lambda part: float(steps[part[0] : part[1] + 1].max()))
-        first, last = pending.pop()
-        worst = first + int(np.argmax(steps[first : last + 1]))
+        # The stretch with the largest step is taken first, and of equal ones the first of the path.
+        pending.sort()
+        first, last = pending.pop(worst_row(np.array([steps[begin : end + 1].max() for begin, end in pending])))
+        worst = first + worst_row(steps[first : last + 1])
         # So many rows around the worst, within the stretch; what is left on either side waits.
         begin = max(first, min(worst - longest // 2, last + 1 - longest))
         end = min(last, begin + longest - 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import TypeVar
 
@@ -28,6 +28,9 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 Found = TypeVar("Found")
 """What is found of a recording in a scene."""
+
+Candidate = TypeVar("Candidate")
+"""One of several of which the worst is named."""
 
 LED = ("playback", "replay")
 """Sources of recordings in which the hand was led along a given path, whatever the force."""
@@ -121,8 +124,8 @@ def clear_of_surface(recording: Recording, rows: IntArray, scene: Scene) -> Bool
 def lingering(recording: Recording, scene: Scene) -> BoolArray:
     """Return where a force is still felt though the tool is free again, (n,): what a late force leaves of a contact.
 
-    The IHIP is with the HIP outside of the model, after a row in which it was apart, for `LAG_TICKS` ticks at the most;
-    a force that stays longer is none of these. There is no contact point there.
+    The IHIP is with the HIP outside of the model, and was apart from it `LAG_TICKS` ticks ago at the most; a force that
+    stays longer is none of these. There is no contact point there.
     """
     late = np.zeros(len(recording), dtype=bool)
     if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
@@ -131,8 +134,9 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
     free = above_force_floor(recording, scene) & ~recording.apart
     for first, end in runs_of(free):
         rows = slice(first, end)
-        if first > 0 and recording.apart[first - 1] and end - first <= LAG_TICKS:
-            late[rows] = np.all(scene.model.boundary.signed_distance(recording.hip[rows]) > 0.0)
+        # The contact is within the lag of the last of these rows, and so of all.
+        if recording.apart[max(end - 1 - LAG_TICKS, 0) : first].any():
+            late[rows] = np.all(scene.model.boundary.signed_distance(recording.hip[rows]) >= 0.0)
     return late
 
 
@@ -179,6 +183,11 @@ def worst_row(values: Array) -> int:
     """
     largest = float(np.max(values))
     return int(np.argmax(values >= largest - TIE_SHARE * abs(largest) if math.isfinite(largest) else values))
+
+
+def worst_of(candidates: Sequence[Candidate], badness: Callable[[Candidate], float]) -> Candidate:
+    """Return the candidate whose `badness`, of any unit, is the largest: of equally bad ones as `worst_row` does."""
+    return candidates[worst_row(np.array([badness(candidate) for candidate in candidates]))]
 
 
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.decisions import DESCENT_SHARE, DETOUR_BOUNDS, FLIGHT_BOUNDS, LAG_TICKS
-from hapticeval.phenomena.sampling import hip_steps, holding, rounding
+from hapticeval.phenomena.sampling import hip_steps, holding, rounding, worst_row
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -133,7 +133,7 @@ def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float
     steps = contact_steps(recording, scene)
     # How far above its bound; where there is no step in contact there is nothing to be above.
     above = np.where(steps > 0.0, steps - bounds, -math.inf)
-    tick = int(np.argmax(above))
+    tick = worst_row(above)
     return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording, scene)
 
 
@@ -143,5 +143,5 @@ def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     if not (contact[1:] & contact[:-1]).any():
         return 0.0, 0
     steps = contact_steps(recording, scene)
-    tick = int(np.argmax(steps[1:])) + 1
+    tick = worst_row(steps[1:]) + 1
     return float(steps[tick]), tick

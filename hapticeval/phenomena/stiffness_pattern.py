@@ -16,7 +16,7 @@ from hapticeval.phenomena.decisions import (
     SPIKE_SHARE,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.sampling import above_force_floor, mm
+from hapticeval.phenomena.sampling import above_force_floor, mm, worst_row
 from hapticeval.phenomena.stiffness import ApparentStiffness
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -113,30 +113,44 @@ def _explain_by_causes(
     Depths, times and places are divided into `count` groups.
     """
     time = base.time[measured.ticks]
-    # First and last, shallowest and deepest tenth of the samples.
-    early, late = np.quantile(time, (END_SHARE, 1.0 - END_SHARE))
-    shallow, deep = np.quantile(measured.depth, (END_SHARE, 1.0 - END_SHARE))
+    shallow, deep = _ends_of(measured.depth)
+    first, last = _ends_of(time)
     sides = {
         "inwards": measured.rate > 0.0,
         "outwards": measured.rate < 0.0,
-        "shallow": measured.depth <= shallow,
-        "deep": measured.depth >= deep,
-        "first": time <= early,
-        "last": time >= late,
+        "shallow": shallow,
+        "deep": deep,
+        "first": first,
+        "last": last,
     }
     medians = {name: _median(measured.ratio, rows) for name, rows in sides.items()}
+    both_ways = np.isfinite(medians["inwards"] - medians["outwards"])
     groups = {
-        "direction": np.sign(measured.rate).astype(int)
-        if np.isfinite(medians["inwards"] - medians["outwards"])
-        else None,
         "depth": _rank_groups(measured.depth, count),
         "time": _rank_groups(time, count),
         "place": _place_groups(base.ihip[measured.ticks], count) if "ihip" in base.channels else None,
     }
+    # At one depth the hand goes neither in nor out: these samples show nothing of the direction.
+    moving = measured.rate != 0.0
     explained = {
+        "direction": _explained_share(measured.ratio[moving], measured.rate[moving] > 0.0) if both_ways else 0.0
+    }
+    explained |= {
         name: 0.0 if group is None else _explained_share(measured.ratio, group) for name, group in groups.items()
     }
     return medians, explained
+
+
+def _ends_of(values: Array) -> tuple[BoolArray, BoolArray]:
+    """Return which of `values` (n,) are the smallest tenth, and which the largest, of equal ones the first: (n,) each.
+
+    `GROUP_SAMPLES` at least, where there are as many.
+    """
+    ends = np.zeros((2, values.size), dtype=bool)
+    count = max(int(END_SHARE * (values.size - 1)) + 1, GROUP_SAMPLES)
+    for end, key in zip(ends, (values, -values), strict=True):
+        end[np.argsort(key, kind="stable")[:count]] = True
+    return ends[0], ends[1]
 
 
 def _describe_missing_force(
@@ -192,9 +206,9 @@ def _describe_stretch(base: Recording, ticks: IntArray) -> str:
 def _describe_extremes(base: Recording, measured: ApparentStiffness) -> str:
     """Return words for where the stiffness is least and where it is largest."""
     group = _place_groups(base.ihip[measured.ticks], GROUP_SAMPLES)
-    medians = [float(np.median(measured.ratio[group == number])) for number in range(group.max() + 1)]
+    medians = np.array([np.median(measured.ratio[group == number]) for number in range(group.max() + 1)])
     words = []
-    for number in (int(np.argmin(medians)), int(np.argmax(medians))):
+    for number in (worst_row(-medians), worst_row(medians)):
         rows = measured.ticks[group == number]
         words.append(f"{medians[number]:.3g} of the scene's stiffness round {mm(*base.ihip[rows].mean(axis=0))}")
     return ", ".join(words)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
+from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -93,7 +94,7 @@ class SurfaceMotion:
     def footless(self) -> str | None:
         """Say where the tool is at a centre of curvature of the surface; None where it always has one foot."""
         nearest = np.linalg.eigvalsh(self.stretch)[:, 0]
-        tick = int(np.argmin(nearest))
+        tick = worst_row(-nearest)
         # The least eigenvalue of I + n W is zero at a centre of curvature, on the inner side of a bend.
         if nearest[tick] > FOCAL_EIGENVALUE:
             return None

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from hapticeval.phenomena.sampling import worst_of
+
 
 class Outcome(StrEnum):
     """How a check ended."""
@@ -127,5 +129,7 @@ class Verdict:
 
 
 def worst_finding(findings: Sequence[Finding]) -> Finding | None:
-    """Return the finding whose metric is farthest beyond its bound; None of none."""
-    return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)
+    """Return the finding whose metric is farthest beyond its bound, the first of equally bad ones; None of none."""
+    if not findings:
+        return None
+    return worst_of(findings, lambda finding: math.inf if finding.margin is None else -finding.margin)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
+from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import PIECE
 from hapticeval.geometry.polygon_kernels import first_entry_kernel
 from hapticeval.geometry.representations import Polygon
@@ -29,6 +30,30 @@ POLYGONS = {
     "far away": Polygon(np.array(NOTCHED) + 1e6),
 }
 share = st.floats(0.0, 1.0)
+
+
+def test_a_point_that_slides_stops_at_a_minimum_however_near_the_next_edge_leads_downhill():
+    """The foot on the edge is 1e-7 before the corner, behind which it leads down to where the goal is nearer."""
+    bent = Polygon([[0.0, 0.0], [4.0, -0.2], [4.0, 1.0], [1.0, 1.2], [0.0, 1.0]])
+    corner, edge = np.array([1.0, 1.2]), np.array([3.0, -0.2]) / math.hypot(3.0, 0.2)
+    goal = corner + 1e-7 * edge - 0.9 * np.array([0.2, 3.0]) / math.hypot(3.0, 0.2)
+    rest = bent.descend(np.array([3.0, 1.2 - 0.4 / 3.0]), goal, step=1e-3)
+    np.testing.assert_allclose(rest, corner + 1e-7 * edge, atol=1e-12)
+
+
+@given(
+    start=st.floats(0.0, 1.0), goal=st.tuples(*[st.floats(-0.1, 0.1)] * 2), name=st.sampled_from(["star", "cassinian"])
+)
+@settings(max_examples=100)
+def test_a_point_that_slides_from_edge_to_edge_rests_where_small_steps_lead_it(start, goal, name):
+    polygon = POLYGONS[name]
+    begin = polygon.position([start * polygon.length])[0]
+    rest = polygon.descend(begin, np.array(goal), step=1e-6)
+    stepped = Curve.descend(polygon, begin, np.array(goal), step=1e-6)
+    distances = [float(np.linalg.norm(point - goal)) for point in (rest, stepped)]
+    # Steps may miss a minimum that is shallower than they are, and then lead to one that is nearer.
+    assert distances[0] == pytest.approx(distances[1], abs=2e-6) or distances[1] < distances[0]
+    assert polygon.signed_distance(rest[np.newaxis])[0] == pytest.approx(0.0, abs=1e-15)
 
 
 def brute(polygon, points):

@@ -327,11 +327,12 @@ def test_half_a_second_before_a_jump_and_64_ticks_after_are_led_along_at_another
         ((5, 10), (5, 13), (10, 13)),
         ((5, 10), (5, 14), None),
         ((5, 10), (12, 14), None),
+        ((5, 10), (11, 13), (11, 13)),
         ((0, 0), (0, 3), None),
         ((17, 20), (0, 3), None),
     ],
 )
-def test_a_force_of_three_ticks_right_after_a_contact_lingers_and_no_other(contact, force, lingers):
+def test_a_force_of_up_to_three_ticks_after_a_contact_lingers_and_no_other(contact, force, lingers):
     """The IHIP is off the hand in rows of `contact`; in rows of `force` there is one, outside of the model."""
     rows = np.arange(20)
 
@@ -395,6 +396,14 @@ def test_a_jump_in_the_last_tick_is_placed_there():
     steps[-2:], bounds[-2] = (3e-4, 1e-4), 1e-3
     place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
     assert (place.kind, place.tick) == (Remains.UNRESOLVED, 99)
+
+
+def test_a_jump_just_before_a_longer_step_that_is_allowed_is_placed_where_it_is():
+    """Two ticks behind the jump the hand leaps, and the tool with it: that step is within a bound of its own."""
+    steps, bounds = np.full(100, 1e-5), np.full(100, 8e-5)
+    steps[[50, 52]], bounds[52] = (3e-4, 2e-2), 3e-2
+    place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
+    assert (place.kind, place.tick) == (Remains.UNRESOLVED, 50)
 
 
 class Sharp:

@@ -293,6 +293,23 @@ class TestCauses:
         one_way = _explain_by_causes(base, self.measured(ratio, rate=1.0), 4)[1]
         assert one_way["direction"] == 0.0
 
+    def test_a_hand_that_stays_at_one_depth_shows_the_shallow_and_nothing_of_the_direction(self):
+        """Softer where it is shallow: 40 samples on the way in, 320 at the deepest, 40 on the way out."""
+        way_in = np.linspace(1e-4, 2e-3, 40, endpoint=False)
+        depth = np.concatenate([way_in, np.full(320, 2e-3), way_in[::-1]])
+        rate = np.repeat([1.0, 0.0, -1.0], [40, 320, 40])
+        base, ratio = recorded(STEP * np.column_stack([np.arange(400), np.zeros(400)])), 0.7 + 100.0 * depth
+        medians, explained = _explain_by_causes(base, self.measured(ratio, depth=depth, rate=rate), 32)
+        assert medians["shallow"] == pytest.approx(0.7 + 100.0 * np.median(np.sort(depth)[:40]))
+        assert medians["deep"] == pytest.approx(0.9)
+        assert explained["depth"] > 0.99 > 0.01 > explained["direction"]
+
+    def test_ends_of_few_samples_are_eight_and_so_have_a_median(self):
+        few = self.measured(1.0 + 0.01 * np.arange(20), depth=1e-5 * np.arange(1.0, 21.0))
+        medians, _ = _explain_by_causes(recorded(np.zeros((20, 2))), few, 4)
+        assert medians["shallow"] == medians["first"] == pytest.approx(1.035)
+        assert medians["deep"] == medians["last"] == pytest.approx(1.155)
+
     def test_a_missing_force_is_a_dead_band_or_a_stretch_of_time(self):
         depth = np.where(np.arange(COUNT) < 10, 1e-3, 2e-3)
         hip = np.column_stack([STEP * np.arange(COUNT), -depth])

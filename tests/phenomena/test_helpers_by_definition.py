@@ -69,6 +69,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.steps import largest_jump, recent_steps, step_bounds, worst_step
 from hapticeval.phenomena.surface_force import along_surface
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
+from hapticeval.phenomena.verdict import Finding, Metric, worst_finding
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -569,3 +570,29 @@ def test_a_place_that_is_worse_by_more_than_rounding_is_named_and_so_is_one_amon
     assert worst_row(np.array([-1.0, -1.0 + 2e-9, -1.0])) == 1
     assert worst_row(np.array([-np.inf, 3.0, np.inf])) == 2
     assert worst_row(np.full(3, -np.inf)) == 0
+
+
+UP, DOWN = 1.0 + 4e-16, 1.0 - 4e-16
+"""One, rounded up and down: which of two equally bad places is larger is a matter of the machine."""
+
+
+@pytest.mark.parametrize(("first", "second"), [(DOWN, UP), (UP, DOWN)])
+def test_of_two_equal_jumps_the_first_is_named(first, second):
+    hip = np.column_stack([np.zeros(60), np.full(60, -1e-3)])
+    along = 1e-2 * (first * (np.arange(60) >= 20) + second * (np.arange(60) >= 40))
+    base = recorded(hip, np.column_stack([along, np.zeros(60)]))
+    assert largest_jump(base, LINE)[1] == 20
+    assert worst_step(base, LINE, np.full(60, 1e-3))[1] == 20
+    steps = 1e-2 * np.where(np.arange(60) == 20, first, np.where(np.arange(60) == 40, second, 0.0))
+    assert list(_suspect_stretches(steps, np.full(60, 1e-3), 8)) == [(20, 20), (40, 40)]
+
+
+@pytest.mark.parametrize(("first", "second"), [(DOWN, UP), (UP, DOWN)])
+def test_of_two_findings_that_are_equally_far_beyond_their_bounds_the_first_is_named(first, second):
+    findings = [
+        Finding(FAIL, name, Metric("jump", off, "m"), 0.0) for name, off in zip("ab", (first, second), strict=True)
+    ]
+    assert worst_finding(findings).message == "a"
+    assert worst_finding([*findings, Finding(FAIL, "c", Metric("jump", 1.1, "m"), 0.0)]).message == "c"
+    assert worst_finding([*findings, Finding(FAIL, "d")]).message == "d", "one without a bound is worse than any"
+    assert worst_finding([]) is None

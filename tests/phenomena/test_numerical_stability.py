@@ -7,6 +7,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from honest import Spring
 from made import found, recorded
 from msgspec.structs import replace
 
@@ -261,3 +262,22 @@ def test_of_two_motions_that_which_is_further_off_is_named_and_forces_are_none_u
 
     assert named((0.0, 5.0), (1e-3, 50.0)) == ("turned and shifted", pytest.approx(5e-3))
     assert named((0.0, 0.5), (1e-3, 50.0)) == ("seven times as large", pytest.approx(1e-3))
+
+
+class LateForce(Spring):
+    """The force comes two ticks late, and the tool at once: right by what is granted to any renderer."""
+
+    def reset(self, hip):
+        self.forces = [np.zeros_like(hip)] * 2
+
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        self.forces = [*self.forces[-2:], force]
+        return Response(ihip, self.forces[0])
+
+
+@pytest.mark.parametrize("shape", ["star", "sphere"])
+def test_a_force_that_comes_late_does_not_put_its_tool_off_the_surface(shape):
+    """The hand leaps in and out within the two ticks, so that the force comes when it is outside again."""
+    result, finding = digits_of(LateForce, {"kind": shape}, ("surface", "teleports"))
+    assert result is Outcome.PASS, finding.message

@@ -117,7 +117,7 @@ def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
         return None
     distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
     free = (distance > position_tolerance(recording, scene) + force_depth(scene)) & ~above_force_floor(recording, scene)
-    return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLING_SHARE else None
+    return worst_row(np.where(free, distance, 0.0)) if np.mean(free) > TELLING_SHARE else None
 
 
 def _force_off_spring(recording: Recording, scene: Scene) -> float | None:

@@ -85,7 +85,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             base, scene, pressed_rows, scene.model.boundary.normal_cone(base.ihip[pressed_rows], near), lag
         )
         needs_resolution = deviation_without - (allowed - _resolution_angle(base, scene, pressed_rows))
-        neediest = int(np.argmax(needs_resolution))
+        neediest = worst_row(needs_resolution)
         if needs_resolution[neediest] > 0.0:
             leaning = math.degrees(float(deviation_without[neediest]))
             evidence["angle_by_resolution_deg"] = leaning

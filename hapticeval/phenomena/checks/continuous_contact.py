@@ -272,7 +272,7 @@ def _judge_closely(
         jump, tick = worst_step(base, scene, bounds)
         bound = float(bounds[tick])
         # What is measured is a step within its bound, and the evidence is of that one.
-        longest = int(np.argmax(np.where(steps <= bounds, steps, -np.inf)))
+        longest = worst_row(np.where(steps <= bounds, steps, -np.inf))
         evidence = _jump_evidence(base, scene, longest)
         if jump > bound:
             evidence |= {"steep_step_m": jump, "steep_time": float(base.time[tick])}

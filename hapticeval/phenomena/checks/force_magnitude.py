@@ -142,7 +142,7 @@ def _evidence(base: Recording, scene: Scene, measured: ApparentStiffness, worst:
     """Return as evidence the spread of the apparent stiffness (N/m), and force and depth where it is deepest."""
     inner = measured.rows(~measured.begins) if not measured.begins.all() else measured
     low, median, high = (scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
-    deepest = int(np.argmax(measured.depth))
+    deepest = worst_row(measured.depth)
     size, depth = float(np.linalg.norm(base.force[measured.ticks[deepest]])), float(measured.depth[deepest])
     return {
         **evidence_at(base, int(measured.ticks[worst])),

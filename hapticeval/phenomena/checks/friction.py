@@ -32,7 +32,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
 from hapticeval.phenomena.lugre_force import lugre_force
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_row
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_of, worst_row
 from hapticeval.phenomena.surface_force import (
     SurfaceForce,
     along_surface,
@@ -505,7 +505,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
             lap_works.append(_LapWork(abs(work - law_work) / law_work, allowed, work, law_work, start, stop))
     if not lap_works:
         return undecided("the tool does not slip in any closed lap")
-    worst = max(lap_works, key=lambda lap_work: lap_work.deviation - lap_work.allowed)
+    worst = worst_of(lap_works, lambda lap_work: lap_work.deviation - lap_work.allowed)
     what = (
         f"{1e3 * worst.work:.5g} mJ in a lap from t = {base.time[worst.start]:.4g} s to {base.time[worst.stop]:.4g} s, "
         f"where the friction takes {1e3 * worst.law_work:.5g} mJ"

@@ -24,6 +24,7 @@ from hapticeval.phenomena.sampling import (
     evidence_at,
     hip_steps,
     lacks_ihip,
+    lingering,
     mm,
     rounding,
     touching,
@@ -91,11 +92,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Without an excess the answer with the fewest digits is shown.
     worst = worst_row(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf))
     digits = digits_kept(float(change[clear].max(initial=0.0)), size)
-    motion_name = answering_runs[int(np.argmax(apart[:, worst]))][0]
+    motion_name = answering_runs[worst_row(apart[:, worst])][0]
     # The distance from the surface is that of the run as it is, and not of a motion.
     if off_model[worst] == change[worst]:
         motion_name = "as it is"
-    least_digits = int(np.argmax(np.where(clear, change, 0.0)))
+    least_digits = worst_row(np.where(clear, change, 0.0))
     excuse = ""
     if clear[least_digits] and change[least_digits] > ANSWER_CHANGE * size:
         excuse = _describe_excuse(float(change[least_digits]), float(hand), float(declared), float(steep[least_digits]))
@@ -134,6 +135,8 @@ def _distance_off_model(base: Recording, scene: Scene, contact: BoolArray) -> Ar
     """Return how far (n,), m, the IHIP lies off the model in `contact` (n,); 0 elsewhere, and where there is none."""
     off_model = np.zeros(len(base))
     if not lacks_ihip(base, scene):
+        # Where a late force alone is left of a contact there is no contact point.
+        contact = contact & ~lingering(base, scene)
         off_model[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
         # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
         flies = np.all(base.ihip == base.hip, axis=1)

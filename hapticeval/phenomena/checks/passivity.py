@@ -22,7 +22,7 @@ from hapticeval.phenomena.decisions import (
     UNDECLARED_RANGE,
 )
 from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_points
-from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_row
+from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_of, worst_row
 from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.energy_balance import balance
@@ -253,8 +253,9 @@ def _at_own_rate(
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
         return AtOwnRate(span, last, gained, granted + stored_before(base, span, scene), lag)
 
-    gains = [min(map(largest, spans), key=lambda gain: gain.excess) for spans in closed_paths]
-    return max(gains, key=lambda gain: gain.excess, default=None)
+    # Of each closed path the span that gains least.
+    gains = [worst_of([largest(span) for span in spans], lambda gain: -gain.excess) for spans in closed_paths]
+    return worst_of(gains, lambda gain: gain.excess) if gains else None
 
 
 def active_by_nature(scene: Scene) -> str | None:
@@ -370,7 +371,7 @@ def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
 
 def _worst(telling: Sequence[Gain]) -> Gain:
     """Return the gain that is farthest beyond what is open of it."""
-    return telling[worst_row(np.array([gain.excess for gain in telling]))]
+    return worst_of(telling, lambda gain: gain.excess)
 
 
 def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
@@ -403,7 +404,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
         )
         return Finding(Outcome.FAIL, message, metric, worst.granted, evidence)
     if untold_gains:
-        largest = max(untold_gains, key=lambda gain: gain.law)
+        largest = worst_of(untold_gains, lambda gain: gain.law)
         message = (
             f"refinement does not settle {len(untold_gains)} of {len(gains)} ways, as {largest.span.what} from "
             f"t = {base.time[largest.span.first]:.4g} s to {base.time[largest.last]:.4g} s; over the others it gets no "
@@ -479,7 +480,8 @@ def _judge_fixed(base: Recording) -> Finding:
     balances = balance(base.hip, base.force, base.time)
     if not balances:
         return undecided(f"no two rows bound what is stored; {note}")
-    worst = min((entry.as_logged for entry in balances), key=lambda entry: entry.energy - entry.open)
+    # All lags must agree: the least counts.
+    worst = worst_of([entry.as_logged for entry in balances], lambda gift: -gift.excess)
     metric = CHECK.measured(worst.energy)
     evidence = {
         **evidence_at(base, worst.last),

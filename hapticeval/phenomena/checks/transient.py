@@ -21,7 +21,7 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching, worst_row
+from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching, worst_of, worst_row
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
@@ -358,7 +358,9 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
     if any(open_ > TELLING_SHARE for _, open_ in shares.values()):
         return undecided(f"{heard}: the fit leaves more than a tenth open", evidence=evidence)
     # Whichever of decay and frequency is farther off, in what is open of it.
-    name, (deviation, open_) = max(shares.items(), key=lambda named_share: abs(named_share[1][0]) / named_share[1][1])
+    name, (deviation, open_) = worst_of(
+        list(shares.items()), lambda named_share: abs(named_share[1][0]) / named_share[1][1]
+    )
     return compared(
         Metric(f"{name} less the scene's, as a share of it", abs(deviation), ""),
         open_,
