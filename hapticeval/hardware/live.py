@@ -165,7 +165,7 @@ class _Loop:
         hip, velocity = self.kinematics.hand(joints, rates)
         if self.tick == 0:
             reset_checked(self.renderer, hip)
-        ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt)
+        ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt, may_refuse=self.tick == 0)
         # tau = J^T F of (2.8), with what the inner loop adds.
         torque = scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
         # Written before recording: the hand waits for the force and not for the row.

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hapticeval.recordings import recording, stretches
+from hapticeval.recordings import energy_balance, recording, stretches
 
 # sampling
 
@@ -499,6 +499,34 @@ for 100 to 200 laps is told from a creation of energy; now it counts as one."""
 FINER_RATES = (4, 8, 16)
 """Rates, in base rates, to which the run is refined: to the first, and further only where that does not decide.
 *Chosen*, for time: doubled, fewer are undecided."""
+
+# passivity, of one recording alone
+
+DELAY_SHARE = energy_balance.DELAY_SHARE
+"""Share of the work that crosses, to and fro, which a loop's delay may give away: that is pi / 2 sin(w tau) at a
+frequency w and a delay tau.
+
+Derived: it is 0.1 at 10 Hz and 1 ms, or 2 Hz and 5 ms. Doubled, a renderer passes that gives back a fifth too much."""
+
+REST_SPEED = energy_balance.REST_SPEED
+"""Share of its largest speed below which the hand is at rest. *Chosen*: a thousandth of its kinetic energy is left
+open. Doubled, four thousandths are."""
+
+REST_WINDOW = energy_balance.REST_WINDOW
+"""Seconds over which that speed is taken. *Chosen*, short against a hand's turn and long against a tick: doubled,
+rests of up to 20 ms are none."""
+
+FREE_ROWS = energy_balance.FREE_ROWS
+"""Rows without any force that are free space, and no passage through zero. *Chosen*: doubled, a hand that is free for
+20 to 39 rows at a time bounds nothing."""
+
+NOISE_DEVIATIONS = energy_balance.NOISE_DEVIATIONS
+"""Standard deviations of the force's noise that are left open. *Chosen*: chance goes beyond five once in some three
+million. Doubled, twice as much noise is left open."""
+
+MOST_RESTS = energy_balance.MOST_RESTS
+"""Rests, spread over a recording, of which each two are compared. *Chosen*, for time: doubled, there are four times as
+many pairs."""
 
 # refinement
 

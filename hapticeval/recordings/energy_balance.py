@@ -37,6 +37,7 @@ from hapticeval.recordings.recording import runs_of
 from hapticeval.recordings.stretches import LAG_TICKS
 from hapticeval.types import Array, IntArray
 
+# Why these numbers: `phenomena/decisions.py`.
 REST_SPEED = 0.03  # of the largest speed: below it the hand is at rest, with a thousandth of its kinetic energy
 REST_WINDOW = 10e-3  # s over which a speed is taken: short against a hand's turn, long against a tick
 DELAY_SHARE = 0.1  # of all that crossed: less than that is the delay of a loop

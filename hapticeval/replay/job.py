@@ -12,6 +12,7 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.phenomena.check import LACKING_CHANNEL, Runs
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.sampling import worst_of
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import align_columns
 from hapticeval.recordings.channels import REQUIRED
@@ -165,7 +166,9 @@ def merge_findings(findings: Sequence[Finding]) -> Finding:
     if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
         return findings[0]
     # By rank, then by margin: among failures the one that fails by most is shown.
-    index, worst = min(enumerate(findings), key=lambda pair: (RANK.index(pair[1].outcome), _margin(pair[1])))
+    first_rank = min(RANK.index(finding.outcome) for finding in findings)
+    first = [pair for pair in enumerate(findings) if RANK.index(pair[1].outcome) == first_rank]
+    index, worst = worst_of(first, lambda pair: -_margin(pair[1]))
     counts = Counter(finding.outcome.value for finding in findings)
     stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])
     return replace(

@@ -345,9 +345,8 @@ class Recorded:
 def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
     """Judge the renderer that `factory` makes by every check of `case`.
 
-    A check that breaks gives a verdict `error`, and the others go on. A renderer that breaks gives one of each check
-    that is not judged by then: of all, where it breaks in the base run, and else from the check on that asked for the
-    sibling in which it does.
+    A check that breaks gives a verdict `error`, and the others go on. So does each check that asks for a sibling in
+    which the renderer breaks; where it breaks in the base run, all verdicts are `error`.
     """
 
     def record(scene: Scene) -> Recorded:
@@ -376,7 +375,14 @@ def judge_recorded(
         scene = case.build_scene()
         recorded = record(scene)
         for check in case.checks:
-            findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
+            try:
+                findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
+            except RunawayError as raised:
+                findings.append(_ran_away(_end_by(raised)))
+            except HapticevalError as raised:
+                # Broken in a sibling that this check asked for: others may not need it.
+                findings.append(_error_finding(raised))
+                error = error or raised
         if recorded.replay is None:
             ended = recorded.recording.meta.get("ended")
     except RefusalError as raised:
@@ -384,12 +390,11 @@ def judge_recorded(
         # A refusal is no failure: there is nothing to judge.
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
     except RunawayError as raised:
-        ended = {"tick": 0, "time": 0.0, "what": raised.what, "why": raised.why, "ran_away": True}
-        # Checks that have judged by now keep their findings; the loop itself fails the others.
-        findings += [_ran_away(ended)] * (len(case.checks) - len(findings))
+        ended = _end_by(raised)
+        findings = [_ran_away(ended)] * len(case.checks)
     except HapticevalError as raised:
         error = raised
-        findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
+        findings = [_error_finding(raised)] * len(case.checks)
     declared = {} if recorded is None else recorded.recording.meta
     return Judged(
         _verdicts(findings, renderer, suite, case, declared),
@@ -487,6 +492,11 @@ def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
     if region is Region.MEDIAL:
         place["nearest_jump_m"] = nearest_jump(base, scene, tick)
     return replace(finding, evidence={**finding.evidence, **place})
+
+
+def _end_by(error: RunawayError) -> dict[str, Any]:
+    """Return the end of a run that ran away in its first tick."""
+    return {"tick": 0, "time": 0.0, "what": error.what, "why": error.why, "ran_away": True}
 
 
 def _end_of(ended: Mapping[str, Any]) -> str:

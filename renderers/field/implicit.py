@@ -60,6 +60,7 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.representations import MARGIN_CELLS
 from hapticeval.renderer import Declaration, Response, Spring
 from hapticeval.renderers.projective import checked_hand, once
 from hapticeval.types import Array
@@ -68,8 +69,6 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
 
-GRID_MARGIN_CELLS = 3
-"""Cells between the model's bounds and the edge of the grid."""
 BATCH = 65_536
 """Nodes whose distance is asked for at once."""
 
@@ -90,8 +89,8 @@ class DistanceGrid:
                 f"model '{boundary.name}' is unbounded", why="a grid covers a bounded area", todo="use implicit@exact"
             )
         low, high = np.reshape(boundary.bounds, (2, boundary.dimension))
-        self.cell = float((high - low).max()) / (nodes - 1 - 2 * GRID_MARGIN_CELLS)
-        counts = np.ceil((high - low) / self.cell).astype(np.int64) + 1 + 2 * GRID_MARGIN_CELLS
+        self.cell = float((high - low).max()) / (nodes - 1 - 2 * MARGIN_CELLS)
+        counts = np.ceil((high - low) / self.cell).astype(np.int64) + 1 + 2 * MARGIN_CELLS
         # the middle of the grid is the model's, so that a mirrored model has a mirrored grid
         self.origin = 0.5 * (low + high) - 0.5 * self.cell * (counts - 1)
         axes = [start + self.cell * np.arange(count) for start, count in zip(self.origin, counts, strict=True)]

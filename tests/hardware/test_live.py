@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from robots import scene_of, twin_of, wired
 
-from hapticeval.errors import DomainError, HapticevalError, RendererError
+from hapticeval.errors import DomainError, HapticevalError, RefusalError, RendererError
 from hapticeval.hardware import device as guard
 from hapticeval.hardware.device import HardwareDevice, Reading
 from hapticeval.hardware.live import channels, run, signals
@@ -190,6 +190,17 @@ def test_a_renderer_that_breaks_is_named_and_one_that_is_not_defined_there_ends_
     done, recording = live(tmp_path, Driver(), Pushing(raising(DomainError("off the map", why="too deep"))))
     assert (done.cycles, done.ended) == (AT - 1, "off the map: too deep")
     assert [(event.kind, event.text) for event in recording.events] == [("ended", "off the map: too deep")]
+
+
+def test_a_renderer_that_refuses_after_its_first_answer_breaks(tmp_path):
+    """A refusal is about a scene; in the middle of a run the motors were on, and it is a fault with its cycle."""
+    driver = Driver()
+    error, recording = live(tmp_path, driver, Pushing(raising(RefusalError("too fast", why="no time", todo="wait"))))
+    assert isinstance(error, RendererError)
+    assert error.tick == AT - 1
+    assert "too fast" in error.what
+    assert_at_rest(driver)
+    assert len(recording) == AT - 1
 
 
 def test_a_robot_that_stands_outside_cannot_start(tmp_path):

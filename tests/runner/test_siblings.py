@@ -241,7 +241,7 @@ class TestFindings:
         assert [verdict.finding.message for verdict in judged.verdicts] == ["gone; crashed"] * len(PRESS.checks)
         assert (judged.simulated_seconds, judged.recording) == (0.0, None)
 
-    def test_a_renderer_that_refuses_is_not_applicable_and_one_that_breaks_an_error_of_what_is_left(self):
+    def test_a_renderer_that_refuses_is_not_applicable_and_one_that_breaks_an_error_of_all(self):
         def refusing(scene):
             raise RefusalError("no lines", why="today")
 
@@ -255,3 +255,22 @@ class TestFindings:
 
         broken = judge(lambda scene: Breaking(scene), "breaks", "thesis", PRESS)
         assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
+
+    def test_a_renderer_that_breaks_in_a_sibling_is_an_error_of_the_check_that_asked_for_it_and_of_no_other(self):
+        """The way back begins on the other side: it is what `memoryless` asks for, before four others judge."""
+
+        class BackBreaks(Spring):
+            def reset(self, hip):
+                self.back = hip[1] > 0.05
+
+            def step(self, hip, velocity, dt):
+                if self.back:
+                    raise ValueError("no way back")
+                return super().step(hip, velocity, dt)
+
+        judged = judge(lambda scene: BackBreaks(scene), "breaks", "thesis", PRESS)
+        outcomes = {verdict.check: verdict.outcome for verdict in judged.verdicts}
+        assert outcomes.pop("memoryless") is Outcome.ERROR
+        assert outcomes == dict.fromkeys(set(PRESS.checks) - {"memoryless"}, Outcome.PASS)
+        assert "no way back" in judged.error.why
+        assert judged.recording is not None
