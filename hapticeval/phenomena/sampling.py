@@ -340,6 +340,11 @@ def evidence_at(recording: Recording, tick: int) -> dict[str, object]:
     }
 
 
+def time_and_hip(recording: Recording, tick: int) -> str:
+    """Return when and where a sample is, for a message: "t = 1.5 s, HIP (80, 12) mm"."""
+    return f"t = {recording.time[tick]:.4g} s, HIP {mm(*recording.hip[tick])}"
+
+
 def listed(point: Array) -> list[float]:
     """Return a point (N,) as a JSON value."""
     return [float(x) for x in point]

@@ -24,6 +24,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     resolution,
     rounding,
+    time_and_hip,
     touching,
     worst_row,
 )
@@ -65,7 +66,7 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
         return None
     message = (
         f"the IHIP is not under the hand: {mm(aside[worst])} from the surface point nearest to it, where it is "
-        f"{mm(depth[worst])} deep, at t = {base.time[worst]:.4g} s"
+        f"{mm(depth[worst])} deep, at {time_and_hip(base, worst)}"
     )
     metric = Metric("distance of the IHIP from the HIP's nearest surface point", float(aside[worst]), "m")
     evidence = {**evidence_at(base, worst), "depth_m": float(depth[worst])}

@@ -19,6 +19,7 @@ from hapticeval.phenomena.sampling import (
     listed,
     mm,
     resolution,
+    time_and_hip,
     touching,
     trailing,
     worst_row,
@@ -105,7 +106,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if had_contact:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
-        f"{KIND_WORDS[kind]} at t = {base.time[first]:.4g} s, HIP {mm(*base.hip[first])}: without contact for "
+        f"{KIND_WORDS[kind]} at {time_and_hip(base, first)}: without contact for "
         f"{seconds:.3g} s ({ticks} of {len(base)} ticks), the hand gets {mm(metric.value)} past the surface that bars "
         "the tool's way"
     )

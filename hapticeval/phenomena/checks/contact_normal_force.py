@@ -26,6 +26,7 @@ from hapticeval.phenomena.sampling import (
     resolution,
     rounding,
     standoff,
+    time_and_hip,
     touching,
     worst_row,
 )
@@ -62,7 +63,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lag is not None:
         evidence["lag_ticks"] = lag
     metric = Metric("angle of the force outside the true normals", angle, "deg")
-    where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s, HIP {mm(*base.hip[tick])}"
+    where = f"every true normal near the IHIP at {time_and_hip(base, tick)}"
     if angle > bound:
         size = float(np.linalg.norm(base.force[tick]))
         evidence["force_N"] = size

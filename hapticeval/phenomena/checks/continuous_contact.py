@@ -42,6 +42,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     rounding,
     standoff,
+    time_and_hip,
     touching,
     worst_row,
 )
@@ -139,7 +140,7 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     largest_distance = float(distance[worst])
     if largest_distance <= allowed[worst]:
         return None
-    message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at t = {base.time[worst]:.4g} s"
+    message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at {time_and_hip(base, worst)}"
     metric = Metric("distance of the IHIP in contact from the surface", largest_distance, "m")
     evidence = {**evidence_at(base, worst), "off_surface_m": largest_distance}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
@@ -206,16 +207,16 @@ def _judge_refined(
     # A jump that stays is the finest one; of what shrinks only the limit is left.
     remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
     metric = CHECK.measured(remaining)
-    where = f"{mm(remaining)} at t = {base.time[tick]:.4g} s"
+    where = f"{mm(remaining)} at {time_and_hip(base, tick)}"
     if remaining > bound:
         message = _pop_through_message(base, remaining, where, evidence)
         # Between the two slopes a steep map and a jump beside one look alike.
         if slope < JUMP_SLOPE or slope > SHRINKING_SLOPE:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
-        message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
+        message = f"steep: the IHIP moves {where}, in one step, and refinement does not settle it"
         return undecided(message, metric, bound, evidence)
     if slope < JUMP_SLOPE and remaining > bound - surface_gap:
-        message = f"a jump of {where} stays, within the declared standoff of {mm(surface_gap)}"
+        message = f"a jump of {where}, stays within the declared standoff of {mm(surface_gap)}"
     elif jumps[-1] > bound:
         message = (
             f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
@@ -252,7 +253,7 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
         fine_answer = "it does not"
     else:
         return None
-    where = f"{mm(jump)} at t = {base.time[tick]:.4g} s"
+    where = f"{mm(jump)} at {time_and_hip(base, tick)}"
     message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate {fine_answer}"
     return Finding(Outcome.FAIL, message, Metric("IHIP jump that only this sampling rate has", jump, "m"), allowed)
 
@@ -277,7 +278,7 @@ def _judge_closely(
         if jump > bound:
             evidence |= {"steep_step_m": jump, "steep_time": float(base.time[tick])}
             message = (
-                f"continuous while in contact, but steep: the IHIP moves {mm(jump)} at t = {base.time[tick]:.4g} s in "
+                f"continuous while in contact, but steep: the IHIP moves {mm(jump)} at {time_and_hip(base, tick)}, in "
                 "one step; finer ones shrink it"
             )
         elif jump > bound - surface_gap:
@@ -297,10 +298,10 @@ def _judge_closely(
         "slope": place.slope,
     }
     metric = CHECK.measured(place.remaining)
-    where = f"{mm(place.remaining)} at t = {base.time[place.tick]:.4g} s"
+    where = f"{mm(place.remaining)} at {time_and_hip(base, place.tick)}"
     if place.kind is Remains.STEEP:
         message = (
-            f"steep: the IHIP moves {where} in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
+            f"steep: the IHIP moves {where}, in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
             f"with the exponent {place.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
         return undecided(message, metric, bound, evidence)
@@ -314,7 +315,7 @@ def _judge_closely(
     if other is not None and other.tick != place.tick:
         evidence |= {"unexplained_jump_m": other.remaining, "unexplained_time": float(base.time[other.tick])}
         message += (
-            f"; besides, it jumps {mm(other.remaining)} at t = {base.time[other.tick]:.4g} s, where the model's "
+            f"; besides, it jumps {mm(other.remaining)} at {time_and_hip(base, other.tick)}, where the model's "
             "nearest point does not"
         )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
@@ -407,18 +408,18 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
     evidence = _jump_evidence(base, scene, tick)
     metric = Metric("largest IHIP jump", jump, "m")
-    moved, note = mm(jump), "judged on one sampling only, which is the weaker test"
+    moved, note = f"{mm(jump)} at {time_and_hip(base, tick)}", "judged on one sampling only, which is the weaker test"
     if jump <= bound:
         return Finding(
             Outcome.PASS, f"no jump beyond the HIP's own steps while in contact; {note}", metric, bound, evidence
         )
     if on_axis:
-        message = f"the IHIP moves {moved} in one step near the medial axis; {note}"
+        message = f"the IHIP moves {moved}, in one step near the medial axis; {note}"
         return undecided(message, metric, bound, evidence)
     slope = coarsened_slope(base, scene, tick)
     evidence["coarsened_slope"] = slope
     if not slope < JUMP_SLOPE:
-        message = f"the IHIP moves {moved} in one step, and whether finer HIP steps shrink it is not known; {note}"
+        message = f"the IHIP moves {moved}, in one step, and whether finer HIP steps shrink it is not known; {note}"
         return undecided(message, metric, bound, evidence)
     return Finding(Outcome.FAIL, f"pop-through of {moved}; {note}", metric, bound, evidence)
 

@@ -22,6 +22,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     rounding,
     standoff,
+    time_and_hip,
     worst_row,
 )
 from hapticeval.phenomena.stiffness import (
@@ -172,7 +173,7 @@ def _failed_finding(
     low, median, high = (evidence[name] for name in ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m"))
     force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
     message = (
-        f"{pattern}: an apparent stiffness of {scene.stiffness * share:.4g} N/m at t = {base.time[tick]:.4g} s (tick "
+        f"{pattern}: an apparent stiffness of {scene.stiffness * share:.4g} N/m at {time_and_hip(base, tick)} (tick "
         f"{tick}: {force:.3g} N at {mm(depth)}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in "
         f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_describe_deepest(evidence, scene)}"
     )
