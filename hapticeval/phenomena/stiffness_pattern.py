@@ -50,7 +50,7 @@ def describe_pattern(
     # Rounded, so that of causes that explain alike the first counts.
     cause = max(explained, key=lambda name: round(explained[name], 2))
     if deviates.mean() <= SPIKE_SHARE and (uniform or explained[cause] < CAUSE_SHARE):
-        return _describe_rare(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
+        return _describe_stretches(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
     numbers |= {f"share_{key}": share for key, share in medians.items()}
     if uniform and middle < 0.0:
         return f"it pulls where it should push, {abs(middle):.3g} times as hard", numbers
@@ -62,6 +62,10 @@ def describe_pattern(
     if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLING_SHARE:
         along_path = "it changes along the way, with time or with the place, which this path does not tell apart"
         return f"{along_path} ({_describe_extremes(base, inner)})", numbers
+    # No drift, where it ends as it began: the difference is small beside the spread of nine tenths of the samples.
+    low, high = np.percentile(inner.ratio, (5, 95))
+    if cause == "time" and abs(medians["first"] - medians["last"]) <= CAUSE_SHARE * (high - low):
+        return _describe_stretches(base, inner.ticks[deviates]), numbers
     if cause == "place":
         return f"it depends on the place ({_describe_extremes(base, inner)})", numbers
     first_side, second_side, verb = {
@@ -176,8 +180,8 @@ def _describe_missing_force(
     return f"no force {_describe_stretch(base, longest)}{others_note}"
 
 
-def _describe_rare(base: Recording, ticks: IntArray) -> str:
-    """Return words for few ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
+def _describe_stretches(base: Recording, ticks: IntArray) -> str:
+    """Return words for ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
     longest, others_note = _longest_run(ticks)
     if longest.size > LAG_TICKS:
         return f"off {_describe_stretch(base, longest)}{others_note}"

@@ -139,9 +139,16 @@ class _Expression:
         raise self._no_match_error(glob)
 
     def _syntax_error(self, why: str) -> InputError:
-        return InputError(
-            f"-k {self._text!r} is no expression", why=why, todo="write for instance -k 'star-* and not memoryless'"
-        )
+        called = self._checks_called()
+        todo = f"did you mean {' or '.join(called)}?" if called else "write for instance -k 'star-* and not memoryless'"
+        return InputError(f"-k {self._text!r} is no expression", why=why, todo=todo)
+
+    def _checks_called(self, word: str = "") -> list[str]:
+        """Return the checks that are called as the text, which may be words of the field, or else as a word of it."""
+        from hapticeval.phenomena.registry import checks_called
+
+        known = {place.check for place in self._everything}
+        return [name for name in checks_called(self._text) or checks_called(word) if name in known]
 
     def _no_match_error(self, glob: str) -> NothingSelectedError:
         """Return the error for a glob that matches nothing: after a case's name it lists the checks of that case."""
@@ -157,12 +164,9 @@ class _Expression:
         # Suggestions compare with what is left of the glob as a name.
         bare = re.sub(r"[*?\[\]]", "", before.rpartition("/")[2] or last)
         known = sorted(cases | {place.check for place in self._everything})
-        from hapticeval.phenomena.registry import checks_called
-
         # A part of a name, if not a short one; else a word of the field, as `pop-through`; else what is spelt alike.
         within_names = [name for name in known if len(bare) > 3 and bare in name][:3]
-        called = [check for check in checks_called(bare) if check in known]
-        close = within_names or called or difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
+        close = within_names or self._checks_called(bare) or difflib.get_close_matches(bare, known, n=3, cutoff=0.5)
         hint = "a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'"
         return NothingSelectedError(
             what,

@@ -31,7 +31,7 @@ from hapticeval.phenomena.stiffness import (
 )
 from hapticeval.phenomena.stiffness_pattern import (
     _describe_missing_force,
-    _describe_rare,
+    _describe_stretches,
     _describe_stretch,
     _explain_by_causes,
     _explained_share,
@@ -203,14 +203,14 @@ class TestCauses:
 
     def test_few_ticks_are_spikes_or_a_stretch(self):
         base = moving(LINE)
-        assert _describe_rare(base, np.array([7])) == "spikes: 1 tick off"
-        assert _describe_rare(base, np.array([3, 13, 23])) == "spikes: 3 ticks off, every 10 ticks"
-        assert _describe_rare(base, np.array([3, 13, 24])) == "spikes: 3 ticks off, every 10 ticks", "to a tenth"
-        assert _describe_rare(base, np.array([3, 13, 25])) == "spikes: 3 ticks off"
-        assert _describe_rare(base, np.array([3, 4, 5])) == "spikes: 3 ticks off", "in a row"
+        assert _describe_stretches(base, np.array([7])) == "spikes: 1 tick off"
+        assert _describe_stretches(base, np.array([3, 13, 23])) == "spikes: 3 ticks off, every 10 ticks"
+        assert _describe_stretches(base, np.array([3, 13, 24])) == "spikes: 3 ticks off, every 10 ticks", "to a tenth"
+        assert _describe_stretches(base, np.array([3, 13, 25])) == "spikes: 3 ticks off"
+        assert _describe_stretches(base, np.array([3, 4, 5])) == "spikes: 3 ticks off", "in a row"
         words = "off for 4 ticks from t = 0.003 s to 0.006 s, with the hand round (0.45, -2) mm"
-        assert _describe_rare(base, np.array([3, 4, 5, 6])) == words
-        assert _describe_rare(base, np.array([3, 4, 5, 6, 9])) == f"{words}, the longest of 2 such stretches"
+        assert _describe_stretches(base, np.array([3, 4, 5, 6])) == words
+        assert _describe_stretches(base, np.array([3, 4, 5, 6, 9])) == f"{words}, the longest of 2 such stretches"
         assert _describe_stretch(base, np.array([4])).startswith("for 1 tick from t = 0.004 s to 0.004 s")
         longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 9]))
         assert (longest.tolist(), others) == ([5, 6, 7], ", the longest of 3 such stretches")

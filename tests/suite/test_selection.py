@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.errors import InputError, NothingSelectedError
+from hapticeval.errors import HapticevalError, InputError, NothingSelectedError
 from hapticeval.suite.outline import find_suites
 from hapticeval.suite.reading import load_suite
 from hapticeval.suite.selection import covering, select
@@ -97,6 +97,23 @@ def test_what_selects_nothing_is_refused_with_what_may_be_meant(refused, express
 def test_what_is_no_expression_is_refused(refused, expression):
     with refused(InputError):
         chosen(expression)
+
+
+@pytest.mark.parametrize(
+    ("phrase", "check"),
+    [
+        ("too soft", "force-magnitude"),
+        ("a kick", "force-magnitude"),
+        ("jitter of the force", "force-magnitude"),
+        ("jitter of the direction", "contact-normal-force"),
+        ("drag", "contact-normal-force"),
+    ],
+)
+def test_words_of_the_field_are_answered_with_the_check_that_they_are_for(phrase, check):
+    """Its first word may select nothing, as `too`, or all, as `a`: it is the phrase that is known."""
+    with pytest.raises(HapticevalError) as refusal:
+        chosen(phrase)
+    assert refusal.value.todo == f"did you mean {check}?"
 
 
 @pytest.mark.parametrize("name", find_suites())
