@@ -41,6 +41,9 @@ def describe_pattern(
     quiet = _describe_missing_force(base, scene, inner, deviates)
     if quiet is not None:
         return quiet, numbers
+    limit = _limit_of_force(base, inner.rows(deviates))
+    if limit is not None:
+        return f"it levels off at {limit:.3g} N, however deep the hand is", numbers | {"limit_N": limit}
     middle = float(np.median(inner.ratio))
     # The same everywhere: the spread is small beside the deviation.
     uniform = np.max(np.abs(inner.ratio - middle)) <= CAUSE_SHARE * abs(middle - 1.0)
@@ -79,6 +82,19 @@ def describe_pattern(
         f"{SIDES[second_side]})",
         numbers,
     )
+
+
+def _limit_of_force(base: Recording, deviating: ApparentStiffness) -> float | None:
+    """Return the force, N, at which it stays where it is too soft, as that of a motor at its limit; None where none is.
+
+    There the depth varies by a hundredth or more, and the force by a tenth of that at the most.
+    """
+    if deviating.ticks.size < GROUP_SAMPLES or deviating.ratio.max() >= 1.0:
+        return None
+    sizes = np.linalg.norm(base.force[deviating.ticks], axis=1)
+    varies = float(np.ptp(deviating.depth) / deviating.depth.max())
+    stays = float(np.ptp(sizes)) <= TELLING_SHARE * varies * float(sizes.max())
+    return float(sizes.max()) if varies > TELLING_SHARE**2 and stays else None
 
 
 def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:

@@ -31,8 +31,8 @@ from hapticeval.phenomena.stiffness import (
 )
 from hapticeval.phenomena.stiffness_pattern import (
     _describe_missing_force,
-    _describe_stretches,
     _describe_stretch,
+    _describe_stretches,
     _explain_by_causes,
     _explained_share,
     _longest_run,
