@@ -49,6 +49,21 @@ def lingers(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
     return tick.ihip, tick.force
 
 
+def holds_after_a_leap(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """Once the hand moves by over 2 mm in a tick, the plane of the last contact stays until the hand is above it."""
+    hip = tick.hip.copy()
+    leapt = bool(np.linalg.norm(hip - tick.memory.get("hip", hip)) > 2e-3)
+    point, normal, held = tick.memory.get("plane", (hip, np.zeros(hip.size), False))
+    depth = float((point - hip) @ normal)
+    tick.memory["hip"] = hip
+    if (leapt or held) and depth > 0.0:
+        tick.memory["plane"] = point, normal, True
+        return hip + depth * normal, tick.scene.stiffness * depth * normal
+    size = float(np.linalg.norm(tick.force))
+    tick.memory["plane"] = (tick.ihip, tick.force / size, False) if size > 0.0 else (hip, np.zeros(hip.size), False)
+    return tick.ihip, tick.force
+
+
 class Holes:
     """Triangles of a mesh that a renderer does not see, `unseen` (t,); a tool that comes to one falls through."""
 
@@ -209,6 +224,7 @@ class Unvisited(NamedTuple):
 
 MESH_HOLES = ("solids/fine-ball",)
 UNVISITED: Mapping[str, Unvisited] = {
+    "holds-after-a-leap": Unvisited(spoiled(holds_after_a_leap, Spring), ("solids/cube-leaps",), "continuous-contact"),
     "second-falls-through": Unvisited(spoiled(second_falls_through, Spring), ("solids/cube-again",), "contact-kept"),
     "one-triangle-in-200": Unvisited(spoiled(falls_in(one_in_200), Spring), MESH_HOLES, "contact-kept"),
     "small-triangles": Unvisited(
