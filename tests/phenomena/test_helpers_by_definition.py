@@ -62,6 +62,7 @@ from hapticeval.phenomena.sampling import (
     resolution,
     rounding,
     standoff,
+    time_and_hip,
     touching,
     trailing,
     worst_row,
@@ -546,6 +547,16 @@ def test_what_is_declared_of_resolution_and_standoff_is_granted_to_a_run_that_is
     assert finding.outcome is outcome
     # What is beyond that, as a share of the model's size.
     assert finding.metric.value == pytest.approx(max(off - 3e-3, 0.0) / 0.2, abs=1e-6)
+
+
+def test_of_a_tool_that_stays_where_it_is_the_force_is_said_to_be_off_and_where():
+    base = slide()
+    stronger = changed(base, force=base.force * np.where(np.arange(len(base)) == 7, 1.5, 1.0)[:, np.newaxis])
+    finding = compare_runs(Runs(base), LINE, stronger, "with other vertices")
+    off = 0.5 * float(np.linalg.norm(base.force[7]))
+    assert f"the force is off by {off:.3g} N at {time_and_hip(base, 7)} (1 of " in finding.message
+    aside = changed(base, ihip=base.ihip + 1e-3 * (np.arange(len(base)) == 7)[:, np.newaxis])
+    assert "the answer is off by 1.41 mm" in compare_runs(Runs(base), LINE, aside, "with other vertices").message
 
 
 @pytest.mark.parametrize("touches", ["as it is", "otherwise"])

@@ -321,7 +321,7 @@ class TestRelations:
     def test_the_row_that_is_off_by_most_is_told_and_without_one_that_changes_most(self, change, allowed, exempt, tick):
         base = changed(slide(), rows=slice(0, 2))
         finding = relation_finding(
-            base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
+            base, base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
         )
         excess = [
             0.0 if skip else max(much - granted, 0.0)

@@ -27,6 +27,7 @@ from hapticeval.phenomena.sampling import (
     lingering,
     mm,
     rounding,
+    time_and_hip,
     touching,
     worst_row,
 )
@@ -117,7 +118,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
         f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
         fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
-        f"the model's size: {math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
+        f"the model's size, at {time_and_hip(base, worst)}: "
+        f"{math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hapticeval.geometry.boundary import distance_between
 from hapticeval.geometry.motion import mirroring
 from hapticeval.phenomena.check import NOBODY, Check, Runs, required
 from hapticeval.phenomena.decisions import (
@@ -25,7 +26,7 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
 )
 from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, declared_lengths, has_answer, steepness
-from hapticeval.phenomena.sampling import evidence_at, hip_step, mm, rounding, worst_row
+from hapticeval.phenomena.sampling import evidence_at, hip_step, mm, rounding, time_and_hip, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
@@ -74,18 +75,24 @@ def compare_runs(
         if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
             # Two tools that are one to `known` may meet an edge on either side. Off by half of it, each is one still.
             change = apart_beside_ties(runs, lambda nudged: answers_apart(nudged, other, scene), 0.5 * known, scene)
-    return relation_finding(base, scene, change, allowed, exempt, how)
+    return relation_finding(base, other, scene, change, allowed, exempt, how)
 
 
 def relation_finding(
-    base: Recording, scene: Scene, change: Array, allowed: Array, exempt: BoolArray, how: str
+    base: Recording, other: Recording, scene: Scene, change: Array, allowed: Array, exempt: BoolArray, how: str
 ) -> Finding:
-    """Judge the `change` (n,), m, of answers beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,)."""
+    """Judge the `change` (n,), m, of answers beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,).
+
+    Where the IHIP of the `other` run is the same as that of `base`, it is the force that has changed.
+    """
     size = scene.model.size
     excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
     # Without an excess the largest change of a row that counts is shown.
     worst = worst_row(excess if excess.max() > 0.0 else np.where(exempt, -np.inf, change))
     rows_off = int(np.sum(excess > SAME_ANSWER))
+    off = f"the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of the model's size,"
+    if distance_between(base.ihip[worst], other.ihip[worst]) <= allowed[worst]:
+        off = f"the force is off by {distance_between(base.force[worst], other.force[worst]):.3g} N"
     return compared(
         Metric(METRIC, float(excess.max()), UNIT),
         SAME_ANSWER,
@@ -97,8 +104,7 @@ def relation_finding(
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
-        fails=f"{how} the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of the model's size, "
-        f"at {rows_off} of {len(base)} HIPs",
+        fails=f"{how} {off} at {time_and_hip(base, worst)} ({rows_off} of {len(base)} HIPs)",
     )
 
 
@@ -175,7 +181,8 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     # Beside rounding what the renderer declares to scatter, of IHIP and force, as lengths.
     allowed = np.full(len(base), max(step, force) + max(ihip_scatter, force_scatter / scene.stiffness))
     change = answers_apart(runs, other, scene)
-    return relation_finding(base, scene, change, allowed, np.zeros(len(base), dtype=bool), "beside another renderer")
+    exempt = np.zeros(len(base), dtype=bool)
+    return relation_finding(base, other, scene, change, allowed, exempt, "beside another renderer")
 
 
 OFF_BY_ROUNDING = "the same path with the hand off by what rounding may change"
