@@ -201,26 +201,30 @@ def _describe_stretches(base: Recording, ticks: IntArray) -> str:
     longest, others_note = _longest_run(ticks)
     if longest.size > LAG_TICKS:
         return f"off {_describe_stretch(base, longest)}{others_note}"
+    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{_describe_period(ticks)}"
+
+
+def _describe_period(ticks: IntArray) -> str:
+    """Return words for ticks (n,) that come every so many: their gaps differ by a tenth of the mean at the most."""
     gaps = np.diff(ticks)
-    # Every so many ticks: the gaps differ by a tenth of their mean at the most.
     regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLING_SHARE * gaps.mean()
-    period = f", every {round(gaps.mean())} ticks" if regular else ""
-    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{period}"
+    return f", every {round(gaps.mean())} ticks" if regular else ""
 
 
 def _longest_run(ticks: IntArray) -> tuple[IntArray, str]:
     """Return the longest run of consecutive ticks, and words for that there are others."""
     stretches = np.split(ticks, np.flatnonzero(np.diff(ticks) > 1) + 1)
-    others = f", the longest of {len(stretches)} such stretches" if len(stretches) > 1 else ""
+    period = _describe_period(np.array([stretch[0] for stretch in stretches]))
+    others = f", the longest of {len(stretches)} such stretches{period}" if len(stretches) > 1 else ""
     return max(stretches, key=len), others
 
 
 def _describe_stretch(base: Recording, ticks: IntArray) -> str:
-    plural = "s" if ticks.size > 1 else ""
-    return (
-        f"for {ticks.size} tick{plural} from t = {base.time[ticks[0]]:.4g} s to {base.time[ticks[-1]]:.4g} s, with the "
-        f"hand round {mm(*base.hip[ticks].mean(axis=0))}"
-    )
+    hand = f"with the hand round {mm(*base.hip[ticks].mean(axis=0))}"
+    start, end = (f"{base.time[tick]:.4g} s" for tick in ticks[[0, -1]])
+    if ticks.size == 1:
+        return f"in the tick at t = {start}, {hand}"
+    return f"for {ticks.size} ticks from t = {start} to {end}, {hand}"
 
 
 def _describe_extremes(base: Recording, measured: ApparentStiffness) -> str:

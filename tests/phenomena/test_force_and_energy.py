@@ -312,6 +312,7 @@ SIZED = {
     **force_sizes.FAULTS,
     "weak-stretch": scaled(lambda tick: 0.5 if 1000 <= tick.number < 1057 else 1.0),
     "pulls": scaled(lambda tick: -2.0),
+    "drops": scaled(lambda tick: 0.0 if tick.number % 700 == 699 else 1.0),
     "limited": scaled(lambda tick: min(1.0, 2.0 / float(np.linalg.norm(tick.force) or 1.0))),
     "sags": scaled(lambda tick: 0.7 if 1000 <= tick.number < 2500 else 1.0),
 }
@@ -334,6 +335,8 @@ SIZED = {
         ("dead-band", IN_AND_OUT, "a dead band: no force up to a depth of 0.5 mm, where the spring gives 0.5 N"),
         ("outage", TO_AND_FRO, "no force for 57 ticks from t = 1 s to 1.056 s"),
         ("weak-stretch", TO_AND_FRO, "off for 57 ticks from t = 1 s to 1.056 s"),
+        ("drops", TO_AND_FRO, "no force in the tick at t = 0.699 s, with the hand round ("),
+        ("drops", TO_AND_FRO, "the longest of 5 such stretches, every 700 ticks"),
         ("limited", IN_AND_OUT, "it levels off at 2 N, however deep the hand is"),
         ("sags", TO_AND_FRO, "off for 1500 ticks from t = 1 s to 2.499 s, with the hand round"),
         ("kick", IN_AND_OUT, "a kick where the contact begins or ends: up to 3"),

@@ -211,9 +211,11 @@ class TestCauses:
         words = "off for 4 ticks from t = 0.003 s to 0.006 s, with the hand round (0.45, -2) mm"
         assert _describe_stretches(base, np.array([3, 4, 5, 6])) == words
         assert _describe_stretches(base, np.array([3, 4, 5, 6, 9])) == f"{words}, the longest of 2 such stretches"
-        assert _describe_stretch(base, np.array([4])).startswith("for 1 tick from t = 0.004 s to 0.004 s")
-        longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 9]))
+        assert _describe_stretch(base, np.array([4])).startswith("in the tick at t = 0.004 s, with")
+        longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 12]))
         assert (longest.tolist(), others) == ([5, 6, 7], ", the longest of 3 such stretches")
+        regular = _longest_run(np.array([1, 11, 12, 21]))
+        assert (regular[0].tolist(), regular[1]) == ([11, 12], ", the longest of 3 such stretches, every 10 ticks")
 
     def measured(self, ratio, *, low=None, high=None, allowed=1e-3, rate=0.0, depth=2e-3, begins=False, ticks=None):
         """What was measured at so many ticks; the ends of the share are the share where they are not given."""
