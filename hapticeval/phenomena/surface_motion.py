@@ -93,7 +93,7 @@ class SurfaceMotion:
     @property
     def footless(self) -> str | None:
         """Say where the tool is at a centre of curvature of the surface; None where it always has one foot."""
-        nearest = np.linalg.eigvalsh(self.stretch)[:, 0]
+        nearest = np.asarray(np.linalg.eigvalsh(self.stretch)[:, 0], dtype=np.float64)
         tick = worst_row(-nearest)
         # The least eigenvalue of I + n W is zero at a centre of curvature, on the inner side of a bend.
         if nearest[tick] > FOCAL_EIGENVALUE:
