@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import as_records
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import solids
 from hapticeval.geometry.boundary import Boundary
@@ -25,6 +24,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.validate import checked_vertices
+from hapticeval.records import as_records
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
