@@ -65,7 +65,7 @@ class Track:
 
     - `apart`: IHIP less HIP (n, N), m
     - `force` (n, N), N
-    - `step` and `hip_step` (n,), m: how far IHIP and HIP move in the tick before each sample, 0 without one before
+    - `step` and `hip_step` (n,), m: how far IHIP and HIP move in the tick before each sample, see `_drawn_steps`
     - `starts`: the samples that begin after a gap
     """
 
@@ -315,6 +315,15 @@ def step_lengths(recording: Recording, points: Array) -> Array:
     )
 
 
+def _drawn_steps(recording: Recording, points: Array) -> Array:
+    """Return `step_lengths`, and where no row lies right before the step after: a line from 0 would show a motion."""
+    lengths = step_lengths(recording, points)
+    if lengths.size < 2:
+        return lengths
+    begins = np.append(True, ~continuing_steps(recording))
+    return np.where(begins, np.append(lengths[1:], 0.0), lengths)
+
+
 def jump_rows(recording: Recording) -> IntArray:
     """Return the rows at which the IHIP has just jumped, the longest `MOST_MARKED_EVENTS` of them.
 
@@ -375,8 +384,8 @@ def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
         hip=recording.hip[rows],
         apart=(recording.ihip - recording.hip)[rows] if has_ihip else None,
         force=recording.force[rows] if "force" in recording.channels else None,
-        step=step_lengths(recording, recording.ihip)[rows] if has_ihip else None,
-        hip_step=step_lengths(recording, recording.hip)[rows],
+        step=_drawn_steps(recording, recording.ihip)[rows] if has_ihip else None,
+        hip_step=_drawn_steps(recording, recording.hip)[rows],
         starts=np.flatnonzero(np.diff(gaps_before)) + 1,
         dt=recording.dt,
         led=recording.meta.get("source") in LED,

@@ -221,6 +221,16 @@ def test_a_recording_of_one_dimension_is_shown_before_its_wall():
     assert "place (mm)" in panels_svg([track], shown, looks_of("r"), [], prefix="p", title="t")
 
 
+def test_steps_of_an_even_motion_do_not_begin_with_a_ramp():
+    time = np.delete(np.arange(400), np.arange(200, 300)) * 1e-3
+    hip = np.column_stack([0.02 * time, 0.0 * time])
+    [track] = sample_tracks({"r": Recording(time, {"hip": hip, "ihip": hip, "force": 0.0 * hip})}, {})
+    # m: 0.02 m/s at 1 kHz, also at the beginning and after the gap.
+    assert np.allclose(track.hip_step, 2e-5)
+    assert np.allclose(track.step, 2e-5)
+    assert track.starts.size == 1
+
+
 def orbit(radius, speed, count=500, dt=1e-3):
     time = np.arange(count) * dt
     angle = speed / radius * time
