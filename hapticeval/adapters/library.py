@@ -50,6 +50,7 @@ LOADING_PATIENCE = 30.0
 """Seconds in which a library must load and say what it can."""
 
 REFUSAL = "the library refuses the HIP"
+"""What `REFUSES_HIP` says: a library's word where the hand has left its domain, or is not finite."""
 
 ANSWER = PENDING_SIZE - 1
 """Place in a law's state of what `hr_step` returned."""
@@ -269,8 +270,8 @@ def ask(
     `hip` (N,), m, and `velocity` (N,), m/s, of the hand; `dt`, s. Writes `ihip` (N,), m, and `force` (N,), N: not
     finite where the library does not. `push` is not used. `data.params` holds the addresses of `hr_step` and of the
     library's self. `data.state` is the memory of the step under way (`pulse.PendingStep`): a library that ends the
-    process leaves there what it was asked; its last number gets what `hr_step` returned. Returns 0 or the number of a
-    refusal.
+    process leaves there what it was asked; its last number gets what `hr_step` returned. Returns 0, a number of the
+    law's `domain_exits`, or one below 0 where the library broke.
     """
     # What the library leaves unwritten is then not finite, and never the last answer.
     for i in range(hip.shape[0]):
@@ -285,7 +286,6 @@ def ask(
     )
     data.state[0] = 0.0
     data.state[ANSWER] = answer
-    # A law returns 0 for an answer, a positive number for a HIP that it refuses, a negative one where it broke.
     if 0 <= answer <= CONTACT_FLAG:
         return 0
     return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))
