@@ -171,7 +171,8 @@ def test_a_stack_is_waited_for_no_longer_than_it_takes_to_write_it(monkeypatch, 
     with Workers(act, 4) as crew:
         begin_to_wait(crew, range(4), tmp_path)
         given_up = crew.give_up(0.0)
-    assert [late.error.stack[-1][2] for late in given_up] == ["act"] * 4
+    # a process may still be within `touch`: its file is there before that returns
+    assert [any(function == "act" for _, _, function in late.error.stack) for late in given_up] == [True] * 4
 
 
 def test_a_stack_that_is_not_written_to_its_end_is_waited_for_no_longer_than_that(monkeypatch, tmp_path):
