@@ -93,8 +93,8 @@ def _limit_of_force(base: Recording, deviating: ApparentStiffness) -> float | No
         return None
     sizes = np.linalg.norm(base.force[deviating.ticks], axis=1)
     varies = float(np.ptp(deviating.depth) / deviating.depth.max())
-    stays = float(np.ptp(sizes)) <= TELLING_SHARE * varies * float(sizes.max())
-    return float(sizes.max()) if varies > TELLING_SHARE**2 and stays else None
+    levels_off = float(np.ptp(sizes)) <= TELLING_SHARE * varies * float(sizes.max())
+    return float(sizes.max()) if varies > TELLING_SHARE**2 and levels_off else None
 
 
 def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:
