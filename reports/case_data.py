@@ -316,7 +316,10 @@ def step_lengths(recording: Recording, points: Array) -> Array:
 
 
 def _drawn_steps(recording: Recording, points: Array) -> Array:
-    """Return `step_lengths`, and where no row lies right before the step after: a line from 0 would show a motion."""
+    """Return `step_lengths` (n,), m, as they are drawn: a row that begins after a gap has the step that follows it.
+
+    It has none of its own, and a line that rises from 0 would show a motion.
+    """
     lengths = step_lengths(recording, points)
     if lengths.size < 2:
         return lengths

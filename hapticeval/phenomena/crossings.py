@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,7 +23,8 @@ from hapticeval.phenomena.decisions import (
     SAME_NORMAL,
     SHIFTED_TOOLS_APART,
 )
-from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding
+from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding, worst_of
+from hapticeval.phenomena.verdict import Finding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -369,3 +371,10 @@ def _leave_face(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) 
         return None
     best = int(np.argmin(misses))
     return places[best], outward[crosses[best]], mesh.normals[neighbours[crosses[best]]]
+
+
+def worst_finding(findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding whose metric is farthest beyond its bound, the first of equally bad ones; None of none."""
+    if not findings:
+        return None
+    return worst_of(findings, lambda finding: math.inf if finding.margin is None else -finding.margin)

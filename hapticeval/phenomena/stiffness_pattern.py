@@ -87,14 +87,14 @@ def describe_pattern(
 def _limit_of_force(base: Recording, deviating: ApparentStiffness) -> float | None:
     """Return the force, N, at which it stays where it is too soft, as that of a motor at its limit; None where none is.
 
-    There the depth varies by a hundredth or more, and the force by a tenth of that at the most.
+    There the depth varies by a hundredth or more of the largest, and the force by a tenth of that share at the most.
     """
     if deviating.ticks.size < GROUP_SAMPLES or deviating.ratio.max() >= 1.0:
         return None
     sizes = np.linalg.norm(base.force[deviating.ticks], axis=1)
-    varies = float(np.ptp(deviating.depth) / deviating.depth.max())
-    levels_off = float(np.ptp(sizes)) <= TELLING_SHARE * varies * float(sizes.max())
-    return float(sizes.max()) if varies > TELLING_SHARE**2 and levels_off else None
+    depth_spread = float(np.ptp(deviating.depth) / deviating.depth.max())
+    levels_off = np.ptp(sizes) <= TELLING_SHARE * depth_spread * sizes.max()
+    return float(sizes.max()) if depth_spread > TELLING_SHARE**2 and levels_off else None
 
 
 def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:

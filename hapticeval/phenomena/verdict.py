@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
-
-from hapticeval.phenomena.sampling import worst_of
 
 
 class Outcome(StrEnum):
@@ -126,10 +123,3 @@ class Verdict:
         if self.outcome is Outcome.ERROR:
             return False
         return not (self.outcome in UNSATISFIED and self.level is Level.MUST) or bool(self.inherent)
-
-
-def worst_finding(findings: Sequence[Finding]) -> Finding | None:
-    """Return the finding whose metric is farthest beyond its bound, the first of equally bad ones; None of none."""
-    if not findings:
-        return None
-    return worst_of(findings, lambda finding: math.inf if finding.margin is None else -finding.margin)

@@ -166,9 +166,9 @@ def merge_findings(findings: Sequence[Finding]) -> Finding:
     if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
         return findings[0]
     # By rank, then by margin: among failures the one that fails by most is shown.
-    first_rank = min(RANK.index(finding.outcome) for finding in findings)
-    first = [pair for pair in enumerate(findings) if RANK.index(pair[1].outcome) == first_rank]
-    index, worst = worst_of(first, lambda pair: -_margin(pair[1]))
+    gravest = min((finding.outcome for finding in findings), key=RANK.index)
+    candidates = [(index, finding) for index, finding in enumerate(findings) if finding.outcome is gravest]
+    index, worst = worst_of(candidates, lambda candidate: -_margin(candidate[1]))
     counts = Counter(finding.outcome.value for finding in findings)
     stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])
     return replace(

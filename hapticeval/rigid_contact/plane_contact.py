@@ -570,10 +570,10 @@ class PlaneGround:
         index = piece_index(pieces, u)
         state = self.in_flight(curve.position(u), velocity)
         piece = as_record(pieces, PIECE, index)
-        for join in (piece.u0, piece.u1):
+        for join_u in (piece.u0, piece.u1):
             # beside a join it starts at the join, so that corners are seen
-            if abs(u - join) <= ON_BOUNDARY:
-                u = float(join)
+            if abs(u - join_u) <= ON_BOUNDARY:
+                u = float(join_u)
         tool = as_record(state, RIGID_TOOL)
         tool.mode, tool.piece, tool.u = SLIDE, index, u
         return state

@@ -27,6 +27,7 @@ from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.closed_paths import LapRun, contact_spans, laps, running_sums
+from hapticeval.phenomena.crossings import worst_finding
 from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.jumps import (
     Remains,
@@ -70,7 +71,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.steps import largest_jump, recent_steps, step_bounds, worst_step
 from hapticeval.phenomena.surface_force import along_surface
 from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
-from hapticeval.phenomena.verdict import Finding, Metric, worst_finding
+from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)

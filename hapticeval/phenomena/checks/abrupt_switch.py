@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
+from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE
 from hapticeval.phenomena.sampling import (
     above_force_floor,
@@ -17,7 +17,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     position_tolerance,
 )
-from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided, worst_finding
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray

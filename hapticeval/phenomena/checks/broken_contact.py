@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
+from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS, SAME_DEPTH_SHARE, SAME_NORMAL
 from hapticeval.phenomena.sampling import (
     above_force_floor,
@@ -20,7 +20,7 @@ from hapticeval.phenomena.sampling import (
     position_tolerance,
     rounding,
 )
-from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided, worst_finding
+from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
