@@ -204,7 +204,7 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
 
 def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     """Draw the work over the laps that the hand does one after the other, with a mark at the end of each."""
-    from hapticeval.phenomena.closed_paths import laps
+    from hapticeval.phenomena.measures.closed_paths import laps
 
     work, hip = 1e3 * work_on_hand(recording), recording.hip
     first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))

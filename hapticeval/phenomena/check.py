@@ -11,8 +11,8 @@ from typing import Any, Protocol, TypeVar
 from hapticeval.effects.effect import Alters
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.motion import Motion
-from hapticeval.phenomena.crossings import has_corners
 from hapticeval.phenomena.sampling import LED, above_force_floor, declares_force_only, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
@@ -114,7 +114,7 @@ def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in: checks name those in which they have no question."""
     source = runs.base.meta.get("source")
     # Corners of the model itself, whatever a renderer was given.
-    convex, concave = has_corners(scene.model.boundary)
+    convex, concave = _has_corners(scene.model.boundary)
     holds = {
         Situation.PLAYBACK: source == "playback",
         Situation.LED: source in LED,
@@ -124,6 +124,14 @@ def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
         Situation.NO_CONCAVE_CORNER: not concave,
     }
     return frozenset(situation for situation, holds_here in holds.items() if holds_here)
+
+
+def _has_corners(boundary: Boundary) -> tuple[bool, bool]:
+    """Return whether a boundary has convex corners or edges, and whether it has concave ones."""
+    if isinstance(boundary, Mesh):
+        return True, boundary.concave  # a closed mesh has convex edges
+    convex = [corner.convex for corner in boundary.corners]
+    return any(convex), not all(convex)
 
 
 NOBODY = "a recording shows one run only, and nobody can be asked for another"

@@ -8,7 +8,7 @@ from force_only import Field
 from latecomers import Latecomer
 from msgspec.structs import replace
 
-from hapticeval.phenomena.lag import force_only_lag, with_nearest_points
+from hapticeval.phenomena.measures.lag import force_only_lag, with_nearest_points
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.renderer import Declaration, Response
 from hapticeval.runner.judging import judge

@@ -18,8 +18,8 @@ from outsiders import CASES
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cube, ellipse, line, make_model
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.measures.under_the_hand import find_aside
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene

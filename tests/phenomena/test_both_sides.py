@@ -23,11 +23,11 @@ from hapticeval.phenomena.decisions import (
     STATIC_SHARE,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.lag import find_lag
+from hapticeval.phenomena.measures.lag import find_lag
+from hapticeval.phenomena.measures.steps import largest_jump
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.regions import Region, region_of
 from hapticeval.phenomena.sampling import hip_step, off_surface
-from hapticeval.phenomena.steps import largest_jump
-from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 

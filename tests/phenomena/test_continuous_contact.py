@@ -13,8 +13,8 @@ from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import amplification
-from hapticeval.phenomena.jumps import Remains, jump_at_rate, look_closer
-from hapticeval.phenomena.lag import delayed
+from hapticeval.phenomena.measures.jumps import Remains, jump_at_rate, look_closer
+from hapticeval.phenomena.measures.lag import delayed
 from hapticeval.phenomena.sampling import lingering
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import Closeup, play

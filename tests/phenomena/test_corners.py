@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import circle, from_vertices, star
-from hapticeval.phenomena.crossings import find_crossings
+from hapticeval.phenomena.measures.crossings import find_crossings
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=star())

@@ -16,8 +16,8 @@ from hapticeval.effects.sensors import ForceSensor
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.refinement import extrapolated, richardson_two_level
-from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.phenomena.measures.refinement import extrapolated, richardson_two_level
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.scene import Scene
 

@@ -12,7 +12,13 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import make_model, mesh
 from hapticeval.geometry.mesh_tool import IN_FREE_SPACE
-from hapticeval.phenomena.crossings import TOOL_RESTS, _find_faces, _label_runs, _shift_touching, find_crossings
+from hapticeval.phenomena.measures.crossings import (
+    TOOL_RESTS,
+    _find_faces,
+    _label_runs,
+    _shift_touching,
+    find_crossings,
+)
 from hapticeval.renderers import constraint
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene

@@ -20,8 +20,8 @@ from hapticeval.phenomena.checks.passivity import (
     _spends_store,
     stored_before,
 )
-from hapticeval.phenomena.closed_paths import LapRun, SampledWork
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
+from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork
 
 ALONG = Span(1, 3, "since free space")
 

@@ -24,7 +24,7 @@ from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import passivity
-from hapticeval.phenomena.closed_paths import laps
+from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.verdict import Level
 from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge

@@ -18,9 +18,9 @@ from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
 from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy
 from hapticeval.phenomena.checks.passivity import explained_work
-from hapticeval.phenomena.lag import force_lag
-from hapticeval.phenomena.lugre_force import lugre_force
-from hapticeval.phenomena.stiffness import (
+from hapticeval.phenomena.measures.lag import force_lag
+from hapticeval.phenomena.measures.lugre_force import lugre_force
+from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
     _calls_for_force,
     _curvature_force,
@@ -29,7 +29,7 @@ from hapticeval.phenomena.stiffness import (
     largest_other_force,
     measure_stiffness,
 )
-from hapticeval.phenomena.stiffness_pattern import (
+from hapticeval.phenomena.measures.stiffness_pattern import (
     _describe_missing_force,
     _describe_stretch,
     _describe_stretches,
@@ -40,7 +40,7 @@ from hapticeval.phenomena.stiffness_pattern import (
     _place_groups,
     _rank_groups,
 )
-from hapticeval.phenomena.surface_force import surface_force_of
+from hapticeval.phenomena.measures.surface_force import surface_force_of
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import Spring

@@ -26,10 +26,10 @@ from hapticeval.phenomena.checks.passivity import (
 from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
-from hapticeval.phenomena.closed_paths import LapRun, contact_spans, laps, running_sums
-from hapticeval.phenomena.crossings import worst_finding
 from hapticeval.phenomena.decisions import LAG_ROWS
-from hapticeval.phenomena.jumps import (
+from hapticeval.phenomena.measures.closed_paths import LapRun, contact_spans, laps, running_sums
+from hapticeval.phenomena.measures.crossings import worst_finding
+from hapticeval.phenomena.measures.jumps import (
     Remains,
     Scale,
     _judge_scales,
@@ -39,7 +39,7 @@ from hapticeval.phenomena.jumps import (
     aitken,
     lets_go,
 )
-from hapticeval.phenomena.lag import (
+from hapticeval.phenomena.measures.lag import (
     Lag,
     _spread_rows,
     believed_lag,
@@ -50,7 +50,10 @@ from hapticeval.phenomena.lag import (
     likely_force_lags,
     resting_ticks,
 )
-from hapticeval.phenomena.restated import _directions
+from hapticeval.phenomena.measures.restated import _directions
+from hapticeval.phenomena.measures.steps import largest_jump, recent_steps, step_bounds, worst_step
+from hapticeval.phenomena.measures.surface_force import along_surface
+from hapticeval.phenomena.measures.surface_motion import _overshoot, decay_rate
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     clear_of_surface,
@@ -68,9 +71,6 @@ from hapticeval.phenomena.sampling import (
     trailing,
     worst_row,
 )
-from hapticeval.phenomena.steps import largest_jump, recent_steps, step_bounds, worst_step
-from hapticeval.phenomena.surface_force import along_surface
-from hapticeval.phenomena.surface_motion import _overshoot, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 

@@ -12,7 +12,7 @@ from made import recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
-from hapticeval.phenomena.lag import Lag, delayed, find_lag, least_misfit, resting_ticks
+from hapticeval.phenomena.measures.lag import Lag, delayed, find_lag, least_misfit, resting_ticks
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path

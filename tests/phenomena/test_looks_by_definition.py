@@ -21,9 +21,9 @@ from hapticeval.phenomena.checks.continuous_contact import (
 )
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
-from hapticeval.phenomena.crossings import _comes_from_outside, _length_to_next_corner, angle_between
 from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
-from hapticeval.phenomena.jumps import (
+from hapticeval.phenomena.measures.crossings import _comes_from_outside, _length_to_next_corner, angle_between
+from hapticeval.phenomena.measures.jumps import (
     Remains,
     RoughPlace,
     Scale,
@@ -34,12 +34,12 @@ from hapticeval.phenomena.jumps import (
     _passes_by,
     _suspect_stretches,
 )
+from hapticeval.phenomena.measures.restated import answers_apart
+from hapticeval.phenomena.measures.steps import with_steps_of_pieces
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
+from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.phenomena.regions import nearest_jump
-from hapticeval.phenomena.restated import answers_apart
 from hapticeval.phenomena.sampling import lacks_ihip
-from hapticeval.phenomena.steps import with_steps_of_pieces
-from hapticeval.phenomena.surface_motion import SurfaceMotion
-from hapticeval.phenomena.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
 

@@ -30,7 +30,7 @@ from hapticeval.phenomena.checks.tangential_dynamics import (
     _unexplained_velocity,
 )
 from hapticeval.phenomena.decisions import BLOCK_TICKS, EXPLAINING_PUSH, GROWS, HOLD_TICKS, STANDS, START_DECAY
-from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)

@@ -9,8 +9,8 @@ from medial_axis import allowed_jumps, worst_crossing
 
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import HALF_LAG_STEPS
+from hapticeval.phenomena.measures.steps import step_bounds
 from hapticeval.phenomena.sampling import rounding
-from hapticeval.phenomena.steps import step_bounds
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 

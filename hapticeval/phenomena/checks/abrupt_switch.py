@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE
+from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,

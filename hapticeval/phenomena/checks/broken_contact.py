@@ -6,8 +6,8 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS, SAME_DEPTH_SHARE, SAME_NORMAL
+from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,

@@ -26,6 +26,8 @@ from hapticeval.phenomena.decisions import (
     STIFFNESS_FACTOR,
     TELLING_SHARE,
 )
+from hapticeval.phenomena.measures.stiffness import declared_range
+from hapticeval.phenomena.measures.surface_motion import decay_rate
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     evidence_at,
@@ -37,8 +39,6 @@ from hapticeval.phenomena.sampling import (
     touching,
     worst_row,
 )
-from hapticeval.phenomena.stiffness import declared_range
-from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording

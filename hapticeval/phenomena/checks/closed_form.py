@@ -8,9 +8,9 @@ from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, required
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
-from hapticeval.phenomena.refinement import extrapolated
+from hapticeval.phenomena.measures.refinement import extrapolated
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.sampling import evidence_at, listed, mm, worst_row
-from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 

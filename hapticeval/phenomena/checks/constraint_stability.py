@@ -16,8 +16,8 @@ from hapticeval.phenomena.decisions import (
     RETURN_RATIO,
     STANDS,
 )
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion, decay_rate, never_across
 from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
-from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate, never_across
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array

@@ -14,7 +14,7 @@ from hapticeval.effects.catalogue import JOINT_FRICTION, SATURATION
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
-from hapticeval.phenomena.lag import delayed, find_lag, largest_in_lag, resting_ticks
+from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, resting_ticks
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,

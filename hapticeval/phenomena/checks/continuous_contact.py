@@ -27,8 +27,18 @@ from hapticeval.phenomena.decisions import (
     SHRINKING_SLOPE,
     STILL_STEP_SHARE,
 )
-from hapticeval.phenomena.jumps import Remains, RoughPlace, aitken, jump_at_rate, lets_go, look_closer
-from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.measures.jumps import Remains, RoughPlace, aitken, jump_at_rate, lets_go, look_closer
+from hapticeval.phenomena.measures.lag import largest_in_lag
+from hapticeval.phenomena.measures.steps import (
+    bounds_with_flights,
+    contact_steps,
+    largest_jump,
+    recent_steps,
+    step_bounds,
+    with_steps_of_pieces,
+    worst_step,
+)
+from hapticeval.phenomena.measures.under_the_hand import find_aside
 from hapticeval.phenomena.sampling import (
     across_allowed,
     as_sensed,
@@ -46,16 +56,6 @@ from hapticeval.phenomena.sampling import (
     touching,
     worst_row,
 )
-from hapticeval.phenomena.steps import (
-    bounds_with_flights,
-    contact_steps,
-    largest_jump,
-    recent_steps,
-    step_bounds,
-    with_steps_of_pieces,
-    worst_step,
-)
-from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -7,9 +7,8 @@ import numpy as np
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import DIED_OUT_SHARE, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING, TELLING_SHARE
-from hapticeval.phenomena.refinement import richardson_two_level
-from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
-from hapticeval.phenomena.surface_motion import (
+from hapticeval.phenomena.measures.refinement import richardson_two_level
+from hapticeval.phenomena.measures.surface_motion import (
     DOES_NOT_SLIDE,
     FINER,
     SPEED_GIVEN,
@@ -17,6 +16,7 @@ from hapticeval.phenomena.surface_motion import (
     SurfaceMotion,
     never_across,
 )
+from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.closed_paths import laps
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
+from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.sampling import digits_kept, evidence_at, lacks_ihip, mm, touching, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.scene import Scene

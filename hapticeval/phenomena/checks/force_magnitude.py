@@ -11,6 +11,14 @@ import numpy as np
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, UNDECLARED_RANGE
+from hapticeval.phenomena.measures.stiffness import (
+    ApparentStiffness,
+    declared_range,
+    declares_wide_range,
+    force_coarseness,
+    measure_stiffness,
+)
+from hapticeval.phenomena.measures.stiffness_pattern import describe_pattern
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     as_sensed,
@@ -25,14 +33,6 @@ from hapticeval.phenomena.sampling import (
     time_and_hip,
     worst_row,
 )
-from hapticeval.phenomena.stiffness import (
-    ApparentStiffness,
-    declared_range,
-    declares_wide_range,
-    force_coarseness,
-    measure_stiffness,
-)
-from hapticeval.phenomena.stiffness_pattern import describe_pattern
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Spring

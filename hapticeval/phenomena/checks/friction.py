@@ -12,7 +12,6 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Alters, Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
-from hapticeval.phenomena.closed_paths import contact_spans, later_laps
 from hapticeval.phenomena.decisions import (
     BETWEEN_CONES,
     BRISTLE_PARTS,
@@ -30,16 +29,17 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
-from hapticeval.phenomena.lugre_force import lugre_force
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_of, worst_row
-from hapticeval.phenomena.surface_force import (
+from hapticeval.phenomena.measures.closed_paths import contact_spans, later_laps
+from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
+from hapticeval.phenomena.measures.lugre_force import lugre_force
+from hapticeval.phenomena.measures.surface_force import (
     SurfaceForce,
     along_surface,
     ihip_rounding,
     surface_force_of,
     viscous_coefficient,
 )
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import SINGLE, Recording

@@ -9,8 +9,8 @@ import numpy as np
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
+from hapticeval.phenomena.measures.stiffness import declared_range
 from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
-from hapticeval.phenomena.stiffness import declared_range
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

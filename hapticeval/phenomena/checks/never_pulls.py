@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.lag import force_lag, largest_in_lag
+from hapticeval.phenomena.measures.lag import force_lag, largest_in_lag
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,

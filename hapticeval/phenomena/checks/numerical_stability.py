@@ -18,7 +18,13 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
     SUSPECT_SHARE,
 )
-from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, declared_lengths, has_answer, steepness
+from hapticeval.phenomena.measures.restated import (
+    answers_apart,
+    apart_beside_ties,
+    declared_lengths,
+    has_answer,
+    steepness,
+)
 from hapticeval.phenomena.sampling import (
     digits_kept,
     evidence_at,

@@ -6,9 +6,9 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, TELLING_SHARE
-from hapticeval.phenomena.refinement import richardson_two_level
+from hapticeval.phenomena.measures.refinement import richardson_two_level
+from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion
 from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
-from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.scene import Scene
 

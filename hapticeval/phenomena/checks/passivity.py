@@ -11,7 +11,6 @@ from typing import TypeAlias
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.closed_paths import LapRun, SampledWork, contact_spans, laps, running_sums
 from hapticeval.phenomena.decisions import (
     FINER_RATES,
     MOST_LAPS,
@@ -21,9 +20,10 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     UNDECLARED_RANGE,
 )
-from hapticeval.phenomena.lag import force_lag, force_only_lag, with_nearest_points
+from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork, contact_spans, laps, running_sums
+from hapticeval.phenomena.measures.lag import force_lag, force_only_lag, with_nearest_points
+from hapticeval.phenomena.measures.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_of, worst_row
-from hapticeval.phenomena.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording

@@ -25,7 +25,13 @@ from hapticeval.phenomena.decisions import (
     SAME_SIMULATED_ANSWER,
     STEEP_FACTOR,
 )
-from hapticeval.phenomena.restated import answers_apart, apart_beside_ties, declared_lengths, has_answer, steepness
+from hapticeval.phenomena.measures.restated import (
+    answers_apart,
+    apart_beside_ties,
+    declared_lengths,
+    has_answer,
+    steepness,
+)
 from hapticeval.phenomena.sampling import evidence_at, hip_step, mm, rounding, time_and_hip, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural

@@ -9,9 +9,9 @@ import numpy as np
 
 from hapticeval.effects.catalogue import SHADING
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
-from hapticeval.phenomena.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
-from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
+from hapticeval.phenomena.measures.lag import largest_in_lag
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording

@@ -8,9 +8,9 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import CAUSE_SHARE, SPEED_ROUNDING, TELLING_SHARE
-from hapticeval.phenomena.refinement import richardson_two_level
+from hapticeval.phenomena.measures.refinement import richardson_two_level
+from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
 from hapticeval.phenomena.sampling import evidence_at, worst_row
-from hapticeval.phenomena.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -12,7 +12,7 @@ from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
-from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
+from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_steps, resolution, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording

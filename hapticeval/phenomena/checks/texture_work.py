@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.check import Check, Runs, required
-from hapticeval.phenomena.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
+from hapticeval.phenomena.measures.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import SINGLE

@@ -13,7 +13,7 @@ from hapticeval.geometry.catalogue import circle, line, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import friction
 from hapticeval.phenomena.checks.friction import _break_away_ticks, judge_with_lag
-from hapticeval.phenomena.surface_force import surface_force_of
+from hapticeval.phenomena.measures.surface_force import surface_force_of
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
+from hapticeval.phenomena.measures.steps import recent_steps
 from hapticeval.phenomena.sampling import (
     across_allowed,
     evidence_at,
@@ -28,7 +29,6 @@ from hapticeval.phenomena.sampling import (
     touching,
     worst_row,
 )
-from hapticeval.phenomena.steps import recent_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of

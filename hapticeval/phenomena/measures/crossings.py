@@ -95,14 +95,6 @@ def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[
     ]
 
 
-def has_corners(boundary: Boundary) -> tuple[bool, bool]:
-    """Return whether a boundary has convex corners or edges, and whether it has concave ones."""
-    if isinstance(boundary, Mesh):
-        return True, boundary.concave  # a closed mesh has convex edges
-    convex = [corner.convex for corner in boundary.corners]
-    return any(convex), not all(convex)
-
-
 def angle_between(vectors: Array, direction: Array) -> Array:
     """Return the unsigned angle (n,), rad, of each of `vectors` (n, N) to a unit `direction` (N,); of zeros 0."""
     along = vectors @ direction

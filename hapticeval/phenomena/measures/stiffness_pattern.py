@@ -16,8 +16,8 @@ from hapticeval.phenomena.decisions import (
     SPIKE_SHARE,
     TELLING_SHARE,
 )
+from hapticeval.phenomena.measures.stiffness import ApparentStiffness
 from hapticeval.phenomena.sampling import above_force_floor, mm, worst_row
-from hapticeval.phenomena.stiffness import ApparentStiffness
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray

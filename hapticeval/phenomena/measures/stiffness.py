@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WIDE_RANGE
-from hapticeval.phenomena.lag import delayed, find_lag
+from hapticeval.phenomena.measures.lag import delayed, find_lag
 from hapticeval.phenomena.sampling import above_force_floor, hand_velocity, log_step, standoff, touching
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import STIFFNESS_LIMITS, Spring

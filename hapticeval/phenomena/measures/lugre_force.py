@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.phenomena.surface_force import SurfaceForce
+from hapticeval.phenomena.measures.surface_force import SurfaceForce
 from hapticeval.types import Array, BoolArray
 
 if TYPE_CHECKING:

@@ -38,8 +38,8 @@ from hapticeval.phenomena.decisions import (
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
+from hapticeval.phenomena.measures.steps import contact_steps, largest_jump
 from hapticeval.phenomena.sampling import touching, worst_row
-from hapticeval.phenomena.steps import contact_steps, largest_jump
 from hapticeval.recordings.recording import Recording, single_rounding
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray

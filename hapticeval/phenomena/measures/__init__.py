@@ -1,0 +1,1 @@
+"""What several checks measure of a recording, a concept a module."""
