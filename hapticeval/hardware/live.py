@@ -18,7 +18,7 @@ from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import reset_checked, step_checked
+from hapticeval.simulation.checked_calls import reset_checked, step_checked
 from hapticeval.types import Array
 
 WORLD_CHANNELS, JOINT_CHANNELS = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")

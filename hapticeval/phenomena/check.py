@@ -23,7 +23,7 @@ Required = TypeVar("Required")
 
 
 class Refinable(Protocol):
-    """A path of which any part can be run again in finer steps: see `hapticeval.simulation.playback.Closeup`."""
+    """A path of which any part can be run again in finer steps: see `hapticeval.simulation.closeup.Closeup`."""
 
     recording: Recording
 

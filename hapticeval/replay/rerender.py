@@ -15,7 +15,8 @@ from hapticeval.recordings.stretches import Stretch, steps, stretches
 from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import channels_of, rows_defined, run_path, simulate_checked
+from hapticeval.simulation.checked_calls import simulate_checked
+from hapticeval.simulation.playback import channels_of, rows_defined, run_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 

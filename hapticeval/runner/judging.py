@@ -27,16 +27,10 @@ from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, a
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
+from hapticeval.simulation.checked_calls import ask_without_hip, timed_steps
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import (
-    Closeup,
-    ask_without_hip,
-    compare_batch,
-    play,
-    play_in_turns,
-    play_while_defined,
-    timed_steps,
-)
+from hapticeval.simulation.closeup import Closeup
+from hapticeval.simulation.playback import compare_batch, play, play_in_turns, play_while_defined
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array

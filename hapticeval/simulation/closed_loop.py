@@ -24,8 +24,7 @@ from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import (
-    contact_channel,
+from hapticeval.simulation.checked_calls import (
     not_finite,
     observe_force_checked,
     reported_contact,
@@ -33,6 +32,7 @@ from hapticeval.simulation.playback import (
     simulate_checked,
     step_checked,
 )
+from hapticeval.simulation.playback import contact_channel
 from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 

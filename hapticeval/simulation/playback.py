@@ -9,12 +9,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from copy import deepcopy
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from functools import partial
-from time import perf_counter
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -25,18 +21,23 @@ from hapticeval.errors import (
     RefusalError,
     RendererError,
     blame_renderer,
-    describe_error,
-    in_mm,
-    is_foreign,
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.pulse import count_answer, note_pending, note_run
-from hapticeval.recordings.channels import REQUIRED
-from hapticeval.recordings.recording import OWN_TOOL, Recording, backward_difference, single_rounding
+from hapticeval.pulse import count_answer, note_run
+from hapticeval.recordings.recording import Recording, backward_difference, single_rounding
 from hapticeval.renderer import Answers, Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
+from hapticeval.simulation.checked_calls import (
+    not_finite,
+    observe_force_checked,
+    reported_contact,
+    reported_contacts,
+    reset_checked,
+    simulate_checked,
+    step_checked,
+)
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, BoolArray
 
 LEAD_IN_SHARE = 1e-4
@@ -44,9 +45,6 @@ LEAD_IN_SHARE = 1e-4
 
 MOST_LEAD_IN_TICKS = 100
 """Ticks that a hand is led in at the most, in longer steps than the path's where that needs more: none is judged."""
-
-CLOCK_ROUNDING = 1e-6
-"""A share of the sampling time by which a clock may differ from what was asked: rounding."""
 
 LEAD_IN_REST_TICKS = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
@@ -150,19 +148,6 @@ def contact_channel(contact: Array) -> dict[str, Array]:
     return {} if np.isnan(contact).any() else {"contact": contact}
 
 
-def reported_contact(renderer: Renderer) -> float:
-    """Return 1 where a renderer reports that its last step was in contact, 0 where not, and NaN where it is silent."""
-    report = getattr(renderer, "contact", None) if abilities_of(renderer).contact else None
-    return float(report) if isinstance(report, bool | np.bool_) else math.nan
-
-
-def _reported_contacts(renderer: Renderer, count: int) -> Array:
-    """Return what a renderer reports of the answers of its last `run` or `lead`, (count,): `reported_contact`."""
-    report = np.asarray(getattr(renderer, "contact", None) if abilities_of(renderer).contact else None)
-    known = report.dtype == np.bool_ and report.shape == (count,)
-    return report.astype(np.float64) if known else np.full(count, np.nan)
-
-
 def run_path(
     renderer: Renderer,
     hips: Array,
@@ -237,32 +222,6 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     )
 
 
-def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
-    """Return `renderer.simulate(...)`, marked as `OWN_TOOL`. Raises `RendererError` for what was not asked for."""
-    with renderer_errors("simulate()"):
-        recording = renderer.simulate(stimulus, dt)
-    if not isinstance(recording, Recording):
-        raise RendererError(
-            f"the renderer's simulate() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
-        )
-    recording.require(*REQUIRED)
-    time = stimulus.sampled(dt)[0] if isinstance(stimulus, Path) else sample_times(stimulus.duration, dt)
-    if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK_ROUNDING * dt:
-        raise RendererError(
-            f"the renderer's simulate() has {len(recording)} samples from {recording.time[0]:.6g} to "
-            f"{recording.time[-1]:.6g} s",
-            why=f"it was asked for {time.size} samples every {dt:.6g} s, from 0 to {time[-1]:.6g} s",
-            todo="record a sample at each of hapticeval's sample times, the last one included",
-        )
-    if recording.hip.shape[1] != stimulus.dimension:
-        raise RendererError(
-            f"the renderer's simulate() has a HIP in {recording.hip.shape[1]}D, and the stimulus is in "
-            f"{stimulus.dimension}D",
-            todo="record the HIP in the space of the stimulus",
-        )
-    return replace(recording, meta={**recording.meta, OWN_TOOL: True})
-
-
 def _all_at_once(renderer: Renderer, rows: Rows, first: int, ahead: int = 0) -> Answers:
     """Answer rows of one `dt` from a reset by `run`; the `ahead` rows of the way in count as tick `first`."""
     hips = rows.hip
@@ -295,7 +254,7 @@ def _all_at_once(renderer: Renderer, rows: Rows, first: int, ahead: int = 0) -> 
         if bad.any():
             tick = int(np.argmax(bad))
             raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
-    return Answers(ihips, forces, _reported_contacts(renderer, hips.shape[0]))
+    return Answers(ihips, forces, reported_contacts(renderer, hips.shape[0]))
 
 
 def _step_by_step(renderer: Renderer, rows: Rows, first: int, ahead: int = 0, pushes: Array | None = None) -> Answers:
@@ -328,131 +287,6 @@ def _answer_each(
                 error.after_lead_in(row + 1, ahead)
             raise
         answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
-
-
-def reset_checked(renderer: Renderer, hip: Array) -> None:
-    """Call `renderer.reset(hip)` with the hand at `hip` (N,), m. Raises `RendererError` for what it raises."""
-    with renderer_errors("reset()", tick=0, hip=hip):
-        try:
-            renderer.reset(hip.copy())
-        except RendererError as error:
-            raise error.placed(0, hip) from error
-
-
-def ask_without_hip(renderer: Renderer, hip: Array, dt: float) -> tuple[Array | None, Array | None]:
-    """Return a renderer's forces (N,), N, for a tick (`dt` s) without a HIP, and for one at `hip` (N,), m, after it.
-
-    None for a tick that it refuses, by whatever it raises.
-    """
-
-    def force_for(hip: Array, velocity: Array) -> Array | None:
-        try:
-            return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
-        except Exception:  # a refusal is what a renderer of any kind may raise
-            return None
-
-    nowhere = np.full_like(hip, np.nan)
-    # The velocity is a difference of places: of one that is missing it is missing too.
-    return force_for(nowhere, nowhere.copy()), force_for(hip.copy(), np.zeros_like(hip))
-
-
-def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    """Call `renderer.observe_force(push)` with the measured `push` (N,), N, of a hand at `hip` (N,), m.
-
-    Raises `RendererError` for what it raises.
-    """
-    with renderer_errors("observe_force()", tick=tick, hip=hip):
-        renderer.observe_force(push.copy())  # type: ignore[attr-defined]
-
-
-_step_seconds: list[float] | None = None
-
-
-@contextmanager
-def timed_steps() -> Iterator[list[float]]:
-    """Yield a list that takes the seconds of every step that `step_checked` asks for within the block."""
-    global _step_seconds
-    seconds: list[float] = []
-    _step_seconds = seconds
-    try:
-        yield seconds
-    finally:
-        _step_seconds = None
-
-
-def step_checked(
-    renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float, *, may_refuse: bool = True
-) -> tuple[Array, Array]:
-    """Return IHIP (N,), m, and force (N,), N, of `renderer.step(hip, velocity, dt)`, in copies of their own.
-
-    A refusal is about a scene: it is a fault where the renderer no longer `may_refuse`, after a run's first answer.
-    The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
-    Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
-    """
-    note_pending(tick, hip.tolist())
-    try:
-        begun = perf_counter()
-        answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
-        if _step_seconds is not None:
-            _step_seconds.append(perf_counter() - begun)
-        count_answer()
-    except RendererError as error:
-        raise error.placed(tick, hip) from error
-    except RefusalError as refusal:
-        if may_refuse:
-            raise
-        raise RendererError(
-            f"the renderer refuses in the middle of a run: {refusal.what}",
-            tick=tick,
-            hip=hip,
-            why="a refusal is about a scene, and stands before the first answer",
-            todo="refuse in the factory, in reset() or in the first step()",
-        ) from refusal
-    except HapticevalError:
-        raise
-    except BaseException as error:
-        if not is_foreign(error):
-            raise
-        raise blame_renderer("step()", error, tick=tick, hip=hip) from error
-    return check_answer(answer, tick, hip)
-
-
-def check_answer(answer: object, tick: int, hip: Array) -> tuple[Array, Array]:
-    """Return IHIP (N,), m, and force (N,), N, of what `step` has answered to `hip` (N,), m, in copies of their own.
-
-    Raises `RendererError`, with tick and HIP, unless these are two finite vectors like `hip`.
-    """
-    try:
-        first, second = cast("tuple[Array, Array]", answer)
-        ihip, force = np.array(first, dtype=np.float64), np.array(second, dtype=np.float64)
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's step() returned {type(answer).__name__}, no pair of an IHIP and a force",
-            tick=tick,
-            hip=hip,
-            why=describe_error(error),
-            todo="return hapticeval.Response(ihip, force), or any pair of two vectors",
-        ) from error
-    if ihip.shape != hip.shape or force.shape != hip.shape:
-        raise RendererError(
-            f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",
-            tick=tick,
-            hip=hip,
-            why=f"both must have the HIP's shape {hip.shape}",
-        )
-    if not all(map(math.isfinite, [*ihip.tolist(), *force.tolist()])):
-        raise not_finite(tick, hip, ihip, force)
-    return ihip, force
-
-
-def not_finite(tick: int, hip: Array, ihip: Array, force: Array) -> RendererError:
-    """Return the error of a renderer whose `ihip` (N,), m, or `force` (N,), N, to `hip` (N,), m, is not finite."""
-    return RendererError(
-        f"the renderer's answer is not finite: IHIP {in_mm(ihip)}, force {force} N",
-        tick=tick,
-        hip=hip,
-        why="a number that is not finite would reach the motors",
-    )
 
 
 COMPARED = (4, 64)
@@ -544,7 +378,7 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN_TICKS):
         answers_of_turn = [
-            _lead_on(renderer, rows.part(begin, begin + TURN_TICKS), begin, partial(rows.part, 0, begin))
+            lead_on(renderer, rows.part(begin, begin + TURN_TICKS), begin, partial(rows.part, 0, begin))
             for renderer, rows in parties
         ]
         for column, answered in zip(answers, answers_of_turn[0], strict=True):
@@ -555,192 +389,7 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
-REST_PATIENCE = 32
-"""Ticks after which a renderer that still moves under a hand at rest is not waited for."""
-
-
-class Closeup:
-    """A path that a renderer was led along, any part of which it can be led along again in finer steps.
-
-    The renderer gets to that part as it did before, tick by tick, and the part alone is refined: from a copy of the
-    renderer where it can be copied, else by leading it there anew from its reset. `recording` holds what it answered.
-    """
-
-    def __init__(self, recording: Recording, rows: Rows, before: Rows, subject: _Original) -> None:
-        self.recording = recording
-        self._rows = rows
-        self._before = before
-        self._subject = subject
-        self._copies: dict[int, Renderer] = {}
-
-    @classmethod
-    def of(cls, renderer: Renderer, recording: Recording, scene: Scene) -> Closeup:
-        """Return the close-up of a `recording` that `play` made of `renderer` in `scene`.
-
-        The renderer's copies have the scene in common with it.
-        """
-        dt = float(recording.meta["dt"])
-        rows = Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
-        before = lead_in_rows(renderer, recording.hip, dt, scene)
-        shared = (scene, scene.model, scene.model.boundary)
-        return cls(recording, rows, before, _Original(renderer, dt, shared, before.dt.size))
-
-    def refined(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
-        """Return a close-up of the path from row `first` to row `last` > `first`, each step in `factor` equal ones.
-
-        The hand first rests at row `first`, at the path's own rate, until `lag` + 1 answers are the same: what a
-        lagging proxy has to catch up with there belongs to the way before.
-
-        Row 0 is the last of that rest, and row k `factor` is where row `first` + k was. Then the hand rests for `lag`
-        fine ticks. Raises `RendererError` as `play` does.
-        """
-        renderer = self._renderer_after(first)
-        tick = self._tick(first)
-        # the hand rests before the part, which then begins without lag, and after it, so that a lag shows
-        rest_rows, rest_answer = self._rest_at(renderer, first, lag)
-        copy = self._subject.copy(renderer)
-        share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
-        start, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
-        dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
-        # where a step ends the HIP is the path's own, to the bit
-        hip = np.where(share == 1.0, end, start + share * (end - start))
-        fine_rows = Rows(hip, (end - start) / (factor * dt)[:, np.newaxis], dt)
-        fine_rows = fine_rows.followed_by(Rows.resting(hip[-1], float(dt[-1]), lag))
-        fine_answers = _lead_on(
-            renderer,
-            fine_rows,
-            tick,
-            lambda: self._rows_since_reset(first + 1).followed_by(rest_rows),
-            ahead=self._subject.ahead,
-        )
-        answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
-        time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
-        rows = rest_rows.part(-1, rest_rows.dt.size).followed_by(fine_rows)
-        channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
-        recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
-        before = self._rows_since_reset(first + 1).followed_by(rest_rows.part(0, -1))
-        closeup = Closeup(recording, rows, before, self._subject)
-        if copy is not None:
-            closeup._copies[0] = copy
-        return closeup
-
-    def _rows_since_reset(self, count: int) -> Rows:
-        """What the renderer has been asked before row `count` of the path."""
-        return self._before.followed_by(self._rows.part(0, count))
-
-    def _tick(self, row: int) -> int:
-        """As errors count it, from where the path begins."""
-        return self._before.dt.size - self._subject.ahead + row
-
-    def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[Rows, Answers]:
-        """The ticks of a rest at `row`, and the last answer, a single row."""
-        rows = Rows.resting(self._rows.hip[row], self._subject.dt, REST_PATIENCE)
-        answers: list[tuple[Array, Array]] = []
-        for _ in range(REST_PATIENCE):
-            answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
-            same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
-            # a proxy that lags by `lag` ticks has caught up when so many answers are the same
-            if len(same_answers) > lag and all(same_answers):
-                break
-        ihip, force = answers[-1]
-        last = Answers(ihip[np.newaxis], force[np.newaxis], np.array([reported_contact(renderer)]))
-        return rows.part(0, len(answers)), last
-
-    def _renderer_after(self, row: int) -> Renderer:
-        """The renderer as it was after `row`, to be led on from there."""
-        renderer_copy = self._copy_after(row) if self._subject.copies else None
-        copy = None if renderer_copy is None else self._subject.copy(renderer_copy)
-        if copy is not None:
-            return copy
-        # it cannot be copied: led from its reset again
-        renderer = self._subject.renderer
-        rows = self._rows_since_reset(row + 1)
-        reset_checked(renderer, rows.hip[0])
-        _lead_on(renderer, rows, -self._subject.ahead, partial(rows.part, 0, 0))
-        return renderer
-
-    def _copy_after(self, row: int) -> Renderer | None:
-        """A copy of the renderer as it was after `row`, which is not to be led on itself; None where there is none."""
-        if row in self._copies:
-            return self._copies[row]
-        subject = self._subject
-        # from the last copy before the row, or from a reset
-        nearest = max((copied_row for copied_row in self._copies if copied_row < row), default=-1)
-        if nearest >= 0:
-            renderer = subject.copy(self._copies[nearest])
-        else:
-            reset_checked(subject.renderer, self._rows_since_reset(1).hip[0])
-            _lead_on(subject.renderer, self._before, -subject.ahead, partial(self._before.part, 0, 0))
-            renderer = subject.renderer
-        if renderer is None:
-            return None
-        _lead_on(
-            renderer,
-            self._rows.part(nearest + 1, row + 1),
-            self._tick(nearest + 1),
-            lambda: self._rows_since_reset(nearest + 1),
-            ahead=subject.ahead,
-        )
-        copy = subject.copy(renderer) if nearest < 0 else renderer
-        if copy is not None and self._proves_copies(copy, row + 1):
-            self._copies[row] = copy
-            if len(self._copies) > MOST_COPIES:
-                # the copy whose neighbours are closest together is the one that is missed least
-                rows = sorted(self._copies)
-                del self._copies[
-                    min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
-                ]
-            return copy
-        return None
-
-    def _proves_copies(self, renderer: Renderer, row: int) -> bool:
-        """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
-
-        Two copies are led along the same rows from `row` on one after the other, and must give the same answers to the
-        bit.
-        """
-        subject = self._subject
-        if not subject.proved:
-            rows, tick = self._rows.part(row, row + PROOF_TICKS), self._tick(row)
-            answers = []
-            for _ in range(2):
-                copy = subject.copy(renderer)
-                if copy is None:
-                    return False
-                answers.append(_lead_on(copy, rows, tick, lambda: self._rows_since_reset(row), ahead=subject.ahead))
-            subject.copies = subject.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
-        return subject.copies
-
-
-MOST_COPIES = 16
-"""Copies of a renderer that are kept of one path, for it may be large: spread over all of it, so that none is far."""
-PROOF_TICKS = 8
-"""Ticks over which two copies of a renderer have to answer alike, one after the other."""
-
-
-@dataclass
-class _Original:
-    """The renderer that is looked at, and whether copies of it can stand for it."""
-
-    renderer: Renderer
-    dt: float
-    shared: tuple[object, ...]
-    ahead: int
-    copies: bool = True
-    proved: bool = False
-
-    def copy(self, renderer: Renderer) -> Renderer | None:
-        """A copy that has the shared objects in common with `renderer`; None where it cannot be copied."""
-        if not self.copies:
-            return None
-        try:
-            return deepcopy(renderer, {id(shared_object): shared_object for shared_object in self.shared})
-        except Exception:  # a foreign object may refuse in any way; it is then led to the place anew
-            self.copies = False
-            return None
-
-
-def _lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[], Rows], *, ahead: int = 0) -> Answers:
+def lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[], Rows], *, ahead: int = 0) -> Answers:
     """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
 
     By its compiled `law` or its `lead`, where it has one: what a law refuses its `step` words. A `lead` that raises has
@@ -786,7 +435,7 @@ def _lead_at_once(renderer: Renderer, rows: Rows, answers: Answers, first: int) 
         return abilities.law.lead(*rows, answers)[0]
     if abilities.lead and count:
         answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
-        answers.contact[:] = _reported_contacts(renderer, count)
+        answers.contact[:] = reported_contacts(renderer, count)
         count_answer()
         return count
     return 0

@@ -35,7 +35,7 @@ from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import ask_without_hip, check_answer, reset_checked, step_checked
+from hapticeval.simulation.checked_calls import ask_without_hip, check_answer, reset_checked, step_checked
 from hapticeval.types import Array
 from hapticeval.workers import Overdue, ProcessEnded, Workers
 

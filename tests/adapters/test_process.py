@@ -23,7 +23,8 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import Closeup, play
+from hapticeval.simulation.closeup import Closeup
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path as Way
 
 PROCESS = Path(__file__).parents[2] / "examples" / "process"

@@ -17,7 +17,8 @@ from hapticeval.phenomena.measures.jumps import Remains, jump_at_rate, look_clos
 from hapticeval.phenomena.measures.lag import delayed
 from hapticeval.phenomena.sampling import lingering
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import Closeup, play
+from hapticeval.simulation.closeup import Closeup
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 
 SCENE = Scene(model=line())

@@ -14,16 +14,10 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.checked_calls import step_checked
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import (
-    Closeup,
-    compare_batch,
-    play,
-    play_in_turns,
-    play_while_defined,
-    run_path,
-    step_checked,
-)
+from hapticeval.simulation.closeup import Closeup
+from hapticeval.simulation.playback import compare_batch, play, play_in_turns, play_while_defined, run_path
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))

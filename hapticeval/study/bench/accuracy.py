@@ -25,7 +25,8 @@ from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Knob, Renderer, RendererFactory, Settings, choices_of, configured
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import play, reset_checked, step_checked
+from hapticeval.simulation.checked_calls import reset_checked, step_checked
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench.document import Errors

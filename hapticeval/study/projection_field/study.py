@@ -17,7 +17,8 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import Renderer, abilities_of, configured
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import play, reset_checked, step_checked
+from hapticeval.simulation.checked_calls import reset_checked, step_checked
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.projection_field.field import Field, extent, field_of, shallow_angles
 from hapticeval.types import Array
