@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect
 
-from hapticeval.errors import InputError, UnknownNameError, at
+from hapticeval.errors import InputError, UnknownNameError, at, unreadable
 
 T = TypeVar("T")
 
@@ -31,11 +31,12 @@ def read_toml(file: Path) -> Mapping[str, Any]:
     try:
         document = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error
+        raise unreadable(str(file), error) from error
     except RecursionError:
         raise too_deep(file.name) from None
     except ValueError as error:  # of TOML, of UTF-8, of a number of thousands of digits
-        raise InputError(f"{file.name} is not TOML", why=str(error)) from error
+        todo = "mend it there: name = value, a text in quotes, a list in [ ]; the file is in UTF-8"
+        raise InputError(f"{file.name} is not TOML", why=str(error), todo=todo) from error
     check_depth(document, file.name)
     return document
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 import signal
 import sysconfig
@@ -133,6 +134,17 @@ class RendererError(HapticevalError):
 
 class RunawayError(RendererError):
     """A simulated loop ran away: the renderer's force feeds energy into the device without end."""
+
+
+def unreadable(what: str, error: OSError) -> InputError:
+    """Return the error of a file ("x.toml", "the mesh file x.stl") that the system does not let be read."""
+    return InputError(f"cannot read {what}", why=error.strerror or str(error), todo="check the path")
+
+
+def unwritable(what: str, error: OSError) -> HapticevalError:
+    """Return the error of a file or a folder that the system does not let be written."""
+    why = os.strerror(error.errno) if error.errno else str(error)
+    return HapticevalError(f"cannot write {what}", why=why, todo="name another place, or mend what bars this one")
 
 
 def in_mm(point: Iterable[float]) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, InputError, printable
+from hapticeval.errors import InputError, printable, unreadable, unwritable
 
 T = TypeVar("T")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|-?inf|nan", re.IGNORECASE)
@@ -68,7 +68,7 @@ def writing(what: Path | str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise HapticevalError(f"cannot write {what}", why=error.strerror or str(error)) from error
+        raise unwritable(str(what), error) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -227,7 +227,7 @@ def parse_json(path: Path, *, todo: str) -> Any:
         # Python reads NaN and Infinity, which are no JSON: refused.
         return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
+        raise unreadable(str(path), error) from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=todo) from error

@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, unwritable
 from hapticeval.files import write_text
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import Look, looks_of
@@ -219,7 +219,7 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
         temporary.replace(path)
     except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+        raise unwritable(str(path), error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

@@ -18,7 +18,7 @@ import typer
 
 from hapticeval.commands.arguments import argument
 from hapticeval.commands.terminal import Terminal, columns, lines, say, wrote_lines
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, unwritable
 
 ANSWER_SECONDS = 60.0
 """Seconds for an answer, unless given: a renderer's own kernels to compile and a large program to start included."""
@@ -178,7 +178,8 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     if kind not in STARTERS:
         raise UnknownNameError("kind of renderer", kind, STARTERS)
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
-        raise InputError(f"'{directory}' is not an empty folder", why="what is there is not written over")
+        why = "what is there is not written over"
+        raise InputError(f"'{directory}' is not an empty folder", why=why, todo="name a new or an empty one")
     starter = STARTERS[kind]
     # The stem as a word, also behind lib and test_, as in libpenalty.so.
     named = re.compile(rf"\b(lib|test_|){starter.stem}\b")
@@ -206,7 +207,7 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
         except OSError as error:
-            raise InputError(f"cannot write {file}", why=error.strerror or str(error)) from error
+            raise unwritable(str(file), error) from error
         written.append(file)
     steps = [f"cd {shlex.quote(str(directory))}", starter.build, f"hapticeval doctor -r {renderer}"]
     return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {renderer}"]

@@ -16,7 +16,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
 from hapticeval.effects.texture import Filter, Texture
-from hapticeval.errors import InputError, at
+from hapticeval.errors import InputError, at, unreadable
 
 MOST_FILE_BYTES = 4 * 2**20
 """Bytes of a model file at the most: theirs have some 100 kB."""
@@ -35,7 +35,7 @@ def read_toolkit(file: Path, *, rate: float) -> Texture:
             )
         text = file.read_text(encoding="utf-8")
     except OSError as error:
-        raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error
+        raise unreadable(str(file), error) from error
     except UnicodeDecodeError as error:
         raise InputError(f"{file.name}: it is no text in UTF-8", why=str(error)) from error
     with at(file.name):

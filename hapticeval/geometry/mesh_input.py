@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from hapticeval.errors import InputError, UnknownNameError, in_m
+from hapticeval.errors import InputError, UnknownNameError, in_m, unreadable
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry.validate import SMALLEST_SIZE, check_range, not_finite_error
 from hapticeval.types import Array, IntArray
@@ -322,7 +322,8 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     for one that is not there, too large, of another format, damaged, or that holds no triangles.
     """
     if file.suffix.lower() not in FILE_ENDINGS:
-        raise InputError(f"the mesh file {file} ends in '{file.suffix}'", why=f"read are {', '.join(FILE_ENDINGS)}")
+        why = f"read are {', '.join(FILE_ENDINGS)}"
+        raise InputError(f"the mesh file {file} ends in '{file.suffix}'", why=why, todo="save it as one of these")
     try:
         if not file.is_file():
             raise InputError(
@@ -336,7 +337,7 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
             )  # fmt: skip
         content = file.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot read the mesh file {file}", why=error.strerror or str(error)) from error
+        raise unreadable(f"the mesh file {file}", error) from error
     import trimesh
 
     damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"

@@ -23,7 +23,6 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -32,7 +31,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, unwritable
 from hapticeval.files import creating, plain, replacing
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.memory import first_bytes, reserve
@@ -88,8 +87,7 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
         with (replacing if replace else creating)(path) as temporary, h5py.File(temporary, **NEW_FILE) as file:
             _write(file, recording)
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else str(error)
-        raise HapticevalError(f"cannot write the recording {path}", why=why) from error
+        raise unwritable(f"the recording {path}", error) from error
 
 
 def recording_bytes(recording: Recording) -> bytes:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, unreadable
 
 HEAD_BYTES = 1 << 16
 """Bytes by which a format is recognised: a header of a thousand columns is shorter."""
@@ -66,7 +66,7 @@ def first_bytes(path: Path) -> bytes:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+        raise unreadable(str(path), error) from error
     if not head:
         raise InputError(f"{path} is empty", why="a recording has at least one row", todo="record or copy it again")
     return head

@@ -152,7 +152,8 @@ def _locker(inode: int) -> str:
 
 
 def _unwritable(directory: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write into the folder '{directory}'", why=str(error), todo="name another with -o")
+    why = error.strerror or str(error)
+    return InputError(f"cannot write into the folder '{directory}'", why=why, todo="name another with -o")
 
 
 def _clean(directory: Path, *, keep_reports: bool) -> None:

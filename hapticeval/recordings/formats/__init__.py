@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin, unreadable
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER_MARK, HEAD_BYTES, first_bytes, reserve
 
@@ -310,7 +310,7 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
             # An importer that cannot open a file of its own is at fault itself, and is blamed as such.
             if not chosen.ours and str(error.filename) != str(path):
                 raise
-            raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+            raise unreadable(str(path), error) from error
     if not chosen.ours:
         _check(table, f"the importer {importer_name(chosen.read)}")
     if not table.columns:
