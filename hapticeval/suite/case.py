@@ -234,6 +234,6 @@ class Case(CaseEntries, frozen=True, kw_only=True):
                 CLOSED_FORMS[name].check(scene)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)  # all our suites have 77
 def _model(document: str) -> Model:
     return make_model(**json.loads(document))
