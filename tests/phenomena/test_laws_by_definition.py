@@ -80,7 +80,7 @@ def test_a_height_map_s_force_is_the_gradient_of_its_energy(model, shape):
     np.testing.assert_allclose(answer.bare_force, -1000.0 * frame.distance[:, np.newaxis] * frame.normal)
     np.testing.assert_allclose(answer.bare_ihip, frame.foot)
     # A HIP a little elsewhere changes force and IHIP by no more than is said, and by a part of it that tells.
-    for what, most in (("force", answer.stiff), ("ihip", answer.moving)):
+    for what, most in (("force", answer.stiff()), ("ihip", answer.moving())):
         changes = [
             np.linalg.norm(
                 getattr(height_map_answer(waves, scene, hips + way, None), what) - getattr(answer, what), axis=1
@@ -138,8 +138,8 @@ def test_a_bump_map_turns_the_normal_force_by_the_slope(known):
     answer = bump_map_answer(waves, feet, forces if known else None, 3.0 * tilted)
     np.testing.assert_allclose(answer.force, 3.0 * tilted, atol=1e-12)
     np.testing.assert_allclose(answer.bare_force, forces, atol=1e-12)
-    np.testing.assert_allclose(answer.stiff, 3.0 * (waves.bend + 10.0), rtol=1e-6)
-    np.testing.assert_array_equal(answer.moving, 1.0)
+    np.testing.assert_allclose(answer.stiff(), 3.0 * (waves.bend + 10.0), rtol=1e-6)
+    np.testing.assert_array_equal(answer.moving(), 1.0)
     np.testing.assert_allclose(np.degrees(np.arccos(np.sum(tilted * frame.normal, axis=1))),
                                np.degrees(np.arctan(np.linalg.norm(gradient, axis=1))), atol=1e-6)  # fmt: skip
 
@@ -333,7 +333,8 @@ class TestReliefChannel:
     def felt(self, lag):
         wave = np.sin(0.2 * (self.ROWS - lag))[:, np.newaxis] * np.array([0.0, 1.0])
         force, ihip = np.tile([0.0, 1.0], (57, 1)), np.zeros((57, 2))
-        return ReliefAnswer(force + 0.5 * wave, ihip + 2e-4 * wave, force, ihip, np.full(57, 2000.0), np.full(57, 0.5))
+        stiff, moving = (lambda: np.full(57, 2000.0)), (lambda: np.full(57, 0.5))
+        return ReliefAnswer(force + 0.5 * wave, ihip + 2e-4 * wave, force, ihip, stiff, moving)
 
     def compared(self, lag, channel="force", *, off=0.0, doubt=1e-6, turns=False):
         along = 1e-4 * np.arange(60.0)

@@ -13,7 +13,15 @@ from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, resting_ticks
-from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_steps, resolution, rounding, worst_row
+from hapticeval.phenomena.sampling import (
+    believed_standoff,
+    evidence_at,
+    hip_steps,
+    lengths_of,
+    resolution,
+    rounding,
+    worst_row,
+)
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -26,15 +34,16 @@ if TYPE_CHECKING:
 class ReliefAnswer(NamedTuple):
     """What a scene's relief makes of some ticks: forces (n, N), N, and IHIPs (n, N), m, and both on the bare surface.
 
-    `stiff` (n,), N/m, and `moving` (n,) are how much force and IHIP change at the most for a HIP that is elsewhere.
+    `stiff` (n,), N/m, and `moving` (n,) are how much force and IHIP change at the most for a HIP that is elsewhere:
+    asked for at the lag that is found, for eigenvalues take longer than the answer.
     """
 
     force: Array
     ihip: Array
     bare_force: Array
     bare_ihip: Array
-    stiff: Array
-    moving: Array
+    stiff: Callable[[], Array]
+    moving: Callable[[], Array]
 
 
 class Waves:
@@ -98,11 +107,16 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
     # F = -grad U with U = K (d + h)^2 / 2
     force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + other_force
     pushes = inside[:, np.newaxis]
-    # Of U = K (d + h)^2 / 2 the force changes by K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| a metre.
-    stretch = 1.0 / np.min(np.abs(np.linalg.eigvalsh(hand_stretch)), axis=1)
-    curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
-    steep, bend = waves.steep * stretch, (waves.bend + curved) * stretch**2
-    stiff = stiffness * (1.0 + steep**2 + np.abs(depth + height) * bend)
+
+    def stretch() -> Array:
+        """Return how far (n,) the foot moves at the most for a metre of the hand."""
+        return np.asarray(1.0 / np.min(np.abs(np.linalg.eigvalsh(hand_stretch)), axis=1))
+
+    def stiff() -> Array:
+        """Return K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| (n,), N/m: of U the force changes by so much."""
+        steep, bend = waves.steep * stretch(), (waves.bend + _largest_curvature(frame.shape)) * stretch() ** 2
+        return np.asarray(stiffness * (1.0 + steep**2 + np.abs(depth + height) * bend))
+
     bare_pushes = (depth > 0.0) | scene.bilateral
     return ReliefAnswer(
         np.where(pushes, force, 0.0),
@@ -110,8 +124,13 @@ def height_map_answer(waves: Waves, scene: Scene, hips: Array, plain: Array | No
         spring + other_force,
         np.where(bare_pushes[:, np.newaxis], frame.foot, hips),
         stiff,
-        stretch + steep,
+        lambda: stretch() + waves.steep * stretch(),
     )
+
+
+def _largest_curvature(shape: Array) -> Array:
+    """Return the largest curvature (n,), 1/m, of the surface at points with shape operators (n, N, N)."""
+    return np.asarray(np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1))
 
 
 def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) -> ReliefAnswer:
@@ -130,9 +149,15 @@ def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: 
         bare_force = press[:, np.newaxis] * frame.normal
     else:
         press, bare_force = np.sum(forces * frame.normal, axis=1), forces
-    curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
     force = bare_force + press[:, np.newaxis] * (tilted - frame.normal)
-    return ReliefAnswer(force, ihips, bare_force, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
+    return ReliefAnswer(
+        force,
+        ihips,
+        bare_force,
+        ihips,
+        lambda: np.abs(press) * (waves.bend + _largest_curvature(frame.shape)),
+        lambda: np.ones(len(ihips)),
+    )
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -221,8 +246,8 @@ def _compare_channel(
     """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open."""
     recorded = base.channels[channel][rows]
 
-    def law(lag: float) -> tuple[Array, Array, Array]:
-        """Return the channel's values with and without the relief, and what a HIP elsewhere changes them by."""
+    def law(lag: float) -> tuple[Array, Array, Callable[[], Array]]:
+        """Return the channel's values with and without the relief, and what tells what a HIP elsewhere changes."""
         answer = felt(lag)
         return (
             (answer.force, answer.bare_force, answer.stiff)
@@ -231,7 +256,7 @@ def _compare_channel(
         )
 
     def misfit(lag: float) -> float:
-        return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
+        return float(lengths_of(recorded - law(lag)[0]).mean())
 
     # A misfit of rounding needs no lag to explain it.
     exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
@@ -249,7 +274,7 @@ def _compare_channel(
     change = right - bare_answer
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
-    allowed = moves * doubt + late + SINGLE_ROUNDINGS * rounded
+    allowed = moves() * doubt + late + SINGLE_ROUNDINGS * rounded
     # Ticks in which a tenth of the relief's largest effect can be told.
     clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
     if not clear.any():

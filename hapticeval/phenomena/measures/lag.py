@@ -20,13 +20,16 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.sampling import above_force_floor, once_a_recording, rounding, touching
+from hapticeval.phenomena.sampling import above_force_floor, lengths_of, once_a_recording, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
 KINDS_OF_LAG = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
 """How late a force is behind HIP and IHIP in units of one lag: all of the answer late, the force, the IHIP alone."""
+
+
+TINY = float(np.finfo(float).tiny)
 
 
 class Lag(NamedTuple):
@@ -72,7 +75,7 @@ def delayed(values: Array, rows: IntArray, ticks_before: float = 0.0) -> Array:
     after = np.minimum(before + 1, len(values) - 1)
     # v = (1 - s) v_before + s v_after
     share = (place - before)[:, np.newaxis]
-    return np.asarray((1.0 - share) * values[before] + share * values[after])
+    return np.asarray((1.0 - share) * values.take(before, axis=0) + share * values.take(after, axis=0))
 
 
 def _spread_rows(rows: IntArray) -> IntArray:
@@ -163,7 +166,7 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     def misfit(lag: float, since: IntArray) -> float:
         """Return the mean displacement (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
         errors = ihip - delayed(recording.hip, since, lag)
-        distances = np.linalg.norm(errors, axis=1)
+        distances = lengths_of(errors)
         # In contact only what leans out of the normal cone counts: the depth is no misfit.
         angles = angle_outside(errors[inside])
         if scene.bilateral:
@@ -243,16 +246,21 @@ def _spring_misfit(recording: Recording, rows: IntArray) -> Callable[[float, flo
     def misfit(hip: float, ihip: float) -> float:
         """Return the mean force (N) that the spring between HIP and IHIP of these lags (ticks) does not explain."""
         errors = ihips(ihip) - hips(hip)
-        depth = np.linalg.norm(errors, axis=1, keepdims=True)
+        depth = lengths_of(errors)[:, np.newaxis]
         # Two laws: F ~ e, a linear spring, and F ~ e / sqrt|e|, a root of the depth.
         roots = np.divide(errors, np.sqrt(depth), out=np.zeros_like(errors), where=depth > 0.0)
-        laws = np.column_stack([errors.ravel(), roots.ravel()])
-        laws /= np.maximum(np.linalg.norm(laws, axis=0), np.finfo(float).tiny)
         # Normal equations of F = g1 e + g2 e / sqrt|e|, on columns of unit length.
+        laws = np.column_stack([_unit(errors.ravel()), _unit(roots.ravel())])
         gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=LAW_RANK)[0]
-        return float(np.linalg.norm(force - (laws @ gains).reshape(force.shape), axis=1).mean())
+        return float(lengths_of(force - (laws @ gains).reshape(force.shape)).mean())
 
     return misfit
+
+
+def _unit(column: Array) -> Array:
+    """Return numbers (n,) divided by the root of the sum of their squares, or by the least number where that is 0."""
+    # one after the other, and not by halves as np.sum: a search down to the last digit follows the rounding
+    return np.asarray(column / max(math.sqrt(np.cumsum(np.square(column))[-1]), TINY))
 
 
 def with_nearest_points(recording: Recording, scene: Scene) -> Recording:
