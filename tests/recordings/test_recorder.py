@@ -127,13 +127,13 @@ def test_a_stopped_writer_never_stops_the_loop_and_every_row_lost_is_counted(tmp
 
 
 def test_a_loop_without_a_clock_waits_for_room(tmp_path):
-    """Memory for 64 rows, and 1,000 of them as fast as they come: none is lost where the loop waits."""
+    """Memory for 64 rows, and 300 of them as fast as they come: none is lost where the loop waits."""
     with Recorder(tmp_path / "run.journal", CHANNELS, rows=64) as recorder:
-        for k in range(1000):
+        for k in range(300):
             recorder.wait_for_room()
             feed(recorder, 1, first=k)
         summary = recorder.close()
-    assert (summary.rows, summary.lost) == (1000, 0)
+    assert (summary.rows, summary.lost) == (300, 0)
 
 
 @pytest.mark.filterwarnings("ignore::hapticeval.recordings.recorder.LossWarning")
@@ -188,7 +188,7 @@ def test_a_killed_loop_loses_only_what_was_not_yet_written(tmp_path, writer_too)
     path = tmp_path / "run.journal"
     loop = subprocess.Popen([sys.executable, "-c", LOOP, str(path)], stdout=subprocess.PIPE, text=True)
     writer = int(loop.stdout.readline())
-    for _ in range(20):
+    for _ in range(8):
         count = int(loop.stdout.readline())
         until(lambda rows=count: rows_of(path) >= rows)
     before = rows_of(path)
