@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import signal
 import sys
@@ -61,7 +62,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Without `arguments` it takes those of the process, which ends after it. Ctrl-C where no command does something about
     it, as before one has begun, is shown in a word, and the code is 1.
     """
-    return _exit_code_of(_typer_command(), arguments, "hapticeval")
+    exit_code = _exit_code_of(_typer_command(), arguments, "hapticeval")
+    if arguments is None:
+        gc.freeze()  # the process ends: it need not look for garbage once more
+    return exit_code
 
 
 def run_program(function: Callable[..., None], epilog: str, arguments: Sequence[str] | None = None) -> int:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import gc
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -40,6 +42,12 @@ if TYPE_CHECKING:
 
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
+
+COLLECTED_AFTER = 50_000
+"""New objects after which Python looks for garbage while it judges; by default, 700, that took a tenth of a run.
+
+What is imported and compiled stays, and what is recorded is freed without it. Chosen.
+"""
 
 loop_option = partial(option, rich_help_panel="While you work on a renderer")
 gate_option = partial(option, rich_help_panel="Gate")
@@ -271,6 +279,7 @@ def judge_and_summarise(
     from hapticeval.runner.interrupts import Interrupts
 
     with (
+        _seldom_collected(),
         Interrupts(to_the_end=True) as interrupts,
         Terminal(verbose=verbose, counts=known_file is None) as terminal,
     ):
@@ -294,6 +303,17 @@ def judge_and_summarise(
         if write_error is not None:
             raise write_error
     return max(results.exit_code, int(interrupts.count > 0))
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """While it lasts, Python seldom looks for garbage, here and in the processes that are copied of this one."""
+    thresholds = gc.get_threshold()
+    gc.set_threshold(COLLECTED_AFTER, *thresholds[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
 
 
 def _write_reports(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
