@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -17,9 +19,6 @@ from hapticeval.quantity import parse_paper_length
 from hapticeval.reports.grid import Tile, hard_cases, phenomenon_grid
 from hapticeval.reports.table import provenance, summaries
 from hapticeval.runner.results import ResultsDocument, RunEntry, Table, VerdictEntry, unknown_renderer
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TABLES_FOLDER = "tables"
 """The folder of the tables, beside the results."""
@@ -47,15 +46,6 @@ class Sheet:
     def columns(self) -> list[tuple[str, ...]]:
         """The cells of each column below its heading."""
         return list(zip(self.header, *self.rows, strict=True))
-
-    def frame(self) -> pd.DataFrame:
-        """Return the table as a frame of texts."""
-        import pandas as pd
-
-        # Numbers as names first: headings may repeat, and pandas then takes them back.
-        frame = pd.DataFrame(self.rows, columns=range(len(self.header)), dtype=str)
-        frame.columns = pd.Index(self.header)
-        return frame
 
 
 def sheets(results: ResultsDocument) -> Iterator[Sheet]:
@@ -139,14 +129,19 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
     """
     folder = directory / TABLES_FOLDER
     for sheet in sheets(results):
-        frame = sheet.frame()
-        # A cell that a spreadsheet would run as a formula is escaped.
-        texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
+        texts = {"csv": _csv_text(sheet)}
         if sheet.caption:
             texts["tex"] = _latex_text_of(sheet, results)
         for kind, text in texts.items():
             write_text(folder / f"{sheet.name}.{kind}", text)
     return folder
+
+
+def _csv_text(sheet: Sheet) -> str:
+    """Return a table as CSV, in which a cell that a spreadsheet would run as a formula is escaped."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(map(csv_cell, cells) for cells in (sheet.header, *sheet.rows))
+    return text.getvalue()
 
 
 LATEX_ESCAPES = {
@@ -267,23 +262,29 @@ def _longest_word(column: Sequence[str]) -> int:
 def _latex_table(sheet: Sheet, line: float) -> str:
     """Return a table as LaTeX, small enough for a line. What is set before a float does not reach into it."""
     columns, size = _latex_columns(sheet, line)
-    # A float fits one page at most.
-    environment = "longtable" if len(sheet.rows) > LONG_TABLE_ROWS else "tabular"
-    cells = sheet.frame().map(_latex_text).rename(columns=_latex_text)
-    table = cells.to_latex(
-        index=False,
-        caption=sheet.caption,
-        label=f"tab:{sheet.name}",
-        longtable=environment == "longtable",
-        column_format=columns,
-        position="tbp" if environment == "tabular" else None,
-    )
-    # Classes leave no room between a caption and a table below it.
-    table = table.replace("{table}[tbp]\n", "{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n")
+    head, *rows = (" & ".join(map(_latex_text, cells)) + r" \\" for cells in (sheet.header, *sheet.rows))
+    head_lines = [r"\toprule", head, r"\midrule"]
+    caption, label = rf"\caption{{{sheet.caption}}}", rf"\label{{tab:{sheet.name}}}"
     # The size has to hold inside the table's own group.
-    begin, end = (f"\\{command}{{{environment}}}" for command in ("begin", "end"))
-    sized_begin = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
-    return table.replace(begin, sized_begin).replace(end, f"{end}}}") if size else table
+    group_begin, group_end = (f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n", "}") if size else ("", "")
+    # A float fits one page at most.
+    if len(rows) > LONG_TABLE_ROWS:
+        lines = [
+            rf"{group_begin}\begin{{longtable}}{{{columns}}}",
+            rf"{caption} {label} \\", *head_lines, r"\endfirsthead",
+            rf"\caption[]{{{sheet.caption}}} \\", *head_lines, r"\endhead",
+            r"\midrule", rf"\multicolumn{{{len(sheet.header)}}}{{r}}{{Continued on next page}} \\",
+            r"\midrule", r"\endfoot", r"\bottomrule", r"\endlastfoot",
+            *rows, rf"\end{{longtable}}{group_end}",
+        ]  # fmt: skip
+    else:
+        lines = [
+            r"\begin{table}[tbp]", r"\centering",
+            r"\setlength{\belowcaptionskip}{6pt}",  # classes leave no room between a caption and a table below it
+            caption, label, rf"{group_begin}\begin{{tabular}}{{{columns}}}",
+            *head_lines, *rows, r"\bottomrule", rf"\end{{tabular}}{group_end}", r"\end{table}",
+        ]  # fmt: skip
+    return "".join(f"{line_text}\n" for line_text in lines)
 
 
 FLOAT_HINT = "% [tbp]: at the top or bottom of a column, or on a page of floats; table* is as wide as the page.\n"

@@ -304,6 +304,16 @@ def test_a_share_and_a_count_are_broken_over_no_line():
     assert widths[0] == pytest.approx(10 * widths[1] / len("-0.5"), rel=0.05), "as wide as 100 % left"
 
 
+def test_a_table_of_many_rows_has_its_head_on_each_page():
+    text = _latex_table(Sheet("t", ["a", "b"], [["x", "1"]] * 41, "Title"), 1.0)
+    assert text.startswith(
+        "\\begin{longtable}{ll}\n\\caption{Title} \\label{tab:t} \\\\\n\\toprule\na & b \\\\\n\\midrule\n\\endfirsthead"
+    )
+    assert text.count("a & b \\\\") == 2
+    assert text.count("x & 1 \\\\") == 41
+    assert text.endswith("\\end{longtable}\n")
+
+
 @pytest.mark.parametrize("line", [0.5, 1.0])
 def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
     """Each column of words of 20 characters; 88 fit into a line of the smallest letters."""
