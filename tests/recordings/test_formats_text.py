@@ -9,6 +9,7 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.recordings import formats as registry
 from hapticeval.recordings.formats import Table, importer, read_table
 from hapticeval.recordings.formats.text import is_whole
+from hapticeval.recordings.importing.mapping import clocks
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 NAN = float("nan")
@@ -229,3 +230,25 @@ def test_names_are_given_once_and_suggested(refused, table, monkeypatch):
 def test_a_column_must_be_numbers(refused, values):
     with refused(InputError):
         Table({"x": values})
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"),
+    [("header.stamp.secs", "header.stamp.nsecs"), ("stamp/sec", "stamp/nanosec"), ("tv_sec", "tv_nsec")],
+)
+def test_seconds_and_their_nanoseconds_are_one_clock_to_the_nanosecond(tmp_path, seconds, nanoseconds):
+    start = 1_700_000_000_999_999_998
+    rows = "".join(f"{stamp // 10**9},{stamp % 10**9},{stamp - start}\n" for stamp in range(start, start + 5))
+    (tmp_path / "a.csv").write_text(f"{seconds},{nanoseconds},pos_x\n{rows}")
+    table = read_table(tmp_path / "a.csv")
+    (clock,) = clocks(table)
+    assert table[clock].tolist() == list(range(start, start + 5))
+    assert table.units[clock] == "ns"
+
+
+@pytest.mark.parametrize(
+    "stamps", [["1.5,3", "2.5,4"], ["1,3000000000", "2,4"], ["1,-1", "2,4"], ["9900000000,1", "1,2"]]
+)
+def test_numbers_that_are_no_seconds_and_nanoseconds_are_not_joined(tmp_path, stamps):
+    (tmp_path / "a.csv").write_text("\n".join(["secs,nsecs", *stamps]))
+    assert set(read_table(tmp_path / "a.csv").columns) == {"secs", "nsecs"}

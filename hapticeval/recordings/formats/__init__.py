@@ -22,6 +22,7 @@ A format of your own is a function that takes a path and gives a `Table`, marked
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -51,6 +52,9 @@ MOST_SIGNALS = 64
 
 MOST_COLUMNS = 10_000
 """Columns of a table, *chosen*: with twice as many, a proposal of a mapping takes twice as long."""
+
+SECONDS_NAME = re.compile(r"(?<![a-z])secs?$", re.IGNORECASE)
+"""The seconds of a stamp, whose nanoseconds are a column of their own."""
 
 SIGNATURES: tuple[tuple[bytes, str], ...] = (
     (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
@@ -319,7 +323,38 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
             why="; ".join(table.warnings) or f"it was read as {chosen.about}",
             todo="name another format with --format",
         )
-    return replace(table, format=format or chosen.name)
+    return replace(_with_joined_stamps(table), format=format or chosen.name)
+
+
+def _with_joined_stamps(table: Table) -> Table:
+    """Return a table in which seconds and their nanoseconds, as ROS has a stamp, are one clock beside them, in ns.
+
+    The column `stamp.secs+nsecs` is made of `stamp.secs` and `stamp.nsecs`, and so of `sec` and `nanosec`.
+    """
+    stamps = {}
+    for name in filter(SECONDS_NAME.search, table.columns):
+        for prefix in ("n", "nano"):
+            # `stamp.secs` has its nanoseconds in `stamp.nsecs` or `stamp.nanosecs`.
+            nanoseconds_name = SECONDS_NAME.sub(rf"{prefix}\g<0>", name)
+            if nanoseconds_name in table.columns and _is_stamp(table[name], table[nanoseconds_name]):
+                leaf = re.split(r"[./]", nanoseconds_name)[-1]
+                stamps[f"{name}+{leaf}"] = table[name] * 1_000_000_000 + table[nanoseconds_name]
+    topics = {stamp: table.topics[name] for stamp in stamps if (name := stamp.rpartition("+")[0]) in table.topics}
+    return replace(
+        table,
+        columns={**table.columns, **stamps},
+        units={**table.units, **dict.fromkeys(stamps, "ns")},
+        topics={**table.topics, **topics},
+    )
+
+
+def _is_stamp(seconds: NDArray[Any], nanoseconds: NDArray[Any]) -> bool:
+    """Return whether these are whole seconds that 64 bits hold in ns, and nanoseconds of one second."""
+    if seconds.size != nanoseconds.size:
+        return False
+    stated = np.isfinite(seconds) & np.isfinite(nanoseconds)
+    s, ns = seconds[stated], nanoseconds[stated]
+    return bool(np.all((s == np.rint(s)) & (np.abs(s) < 9e9) & (ns >= 0) & (ns < 1e9)))
 
 
 def _detected_format(path: Path) -> Format:

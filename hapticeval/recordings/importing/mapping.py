@@ -244,7 +244,9 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
     return Signal(becomes, meaning, frame, sign)
 
 
-CLOCK_NAME = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
+CLOCK_NAME = re.compile(
+    r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock|secs?\+\w+)", re.IGNORECASE
+)
 COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._/ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
 HEADER_UNIT = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
