@@ -31,9 +31,6 @@ Exit codes:
   2  wrong usage or input
 """
 
-NONE_IN_BOTH = "compared are verdicts of one renderer's name, case and check: judge both versions under one name"
-"""What helps where two runs share no verdict."""
-
 MARGINS_SHOWN = 10
 """Margins that are shown without -v: those that moved most."""
 
@@ -104,9 +101,18 @@ def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
     timed = f", {plural(len(times), 'time')} moved significantly" if times else ""
     ended = f"; the new run is incomplete: {comparison.incomplete}" if comparison.incomplete else ""
     both = f"{plural(comparison.compared, 'verdict')} in both runs"
-    # As of two classes, the old one and the new.
-    apart = "" if comparison.compared or not comparison.verdicts else f"; {NONE_IN_BOTH}"
-    return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}{apart}"
+    return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}{_apart_words(comparison)}"
+
+
+def _apart_words(comparison: Diff) -> str:
+    """Return why two runs share no verdict, and what helps; "" where they share one, or there is none."""
+    if comparison.compared or not comparison.verdicts:
+        return ""
+    before = {verdict.renderer for verdict in comparison.verdicts if verdict.now is None}
+    now = {verdict.renderer for verdict in comparison.verdicts if verdict.before is None}
+    if before & now:
+        return "; the runs have no check of one case in common: give both the same suites and -k"
+    return "; the runs have no renderer in common: give the old and the new version one name"
 
 
 def _outcome_words(change: VerdictChange) -> str:

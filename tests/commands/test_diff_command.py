@@ -64,8 +64,18 @@ def test_runs_of_two_names_say_why_nothing_is_compared(runs, capsys):
     code, text = run_diff(capsys, "old", "other")
     assert code == 0
     assert text.splitlines()[-1] == (
-        "0 verdicts in both runs: 2 gone, 1 new; 0 margins moved; compared are verdicts of one renderer's name, case "
-        "and check: judge both versions under one name"
+        "0 verdicts in both runs: 2 gone, 1 new; 0 margins moved; the runs have no renderer in common: give the old "
+        "and the new version one name"
+    )
+
+
+def test_runs_of_other_cases_say_why_nothing_is_compared(runs, capsys):
+    (runs / "other").mkdir()
+    write_results(runs / "other", results_of(changed(verdict("a"), case="another")))
+    code, text = run_diff(capsys, "old", "other")
+    assert code == 0
+    assert text.splitlines()[-1].endswith(
+        "; the runs have no check of one case in common: give both the same suites and -k"
     )
 
 
