@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -93,6 +94,9 @@ def inspect(
     from hapticeval.recordings.importing.convert import is_ours
     from hapticeval.recordings.memory import limited
 
+    if stiffness is not None and not 0.0 < stiffness < math.inf:
+        why, todo = "a stiffness is finite and positive, N/m", "give that of the scene, or leave it out"
+        raise InputError(f"--stiffness {stiffness:g}", why=why, todo=todo)
     with limited(memory_limit):
         # A foreign file can only be shown: which column is what is not known.
         if mapping is None and not is_ours(file):

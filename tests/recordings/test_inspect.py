@@ -209,6 +209,7 @@ def test_a_recording_is_converted_for_other_programs_and_back(here):
         (["inspect", "."], ["is a folder, no recording", "it holds: header.csv, run.h5"]),
         (["inspect", "header.csv"], ["is text without a row of numbers, no recording"]),
         (["inspect", "run.h5", "--model", "sphere"], ["the recording is in 2D, the model 'sphere' in 3D"]),
+        (["inspect", "run.h5", "--stiffness", "-4"], ["--stiffness -4", "what to do: "]),
         (["inspect", "run.h5", "-o", "run.h5"], ["cannot write into run.h5"]),
         (["convert", "run.h5", "-o", "run.h5/other.h5"], ["cannot write the recording run.h5/other.h5", "why: "]),
         (["compare", "a=run.h5", "b=run.h5", "-o", "run.h5"], ["cannot write into run.h5"]),
