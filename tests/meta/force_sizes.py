@@ -97,6 +97,21 @@ class Coarse(Spring):
         return Response(ihip, force * (np.linalg.norm(force) > self.BAND))
 
 
+class Quantized(Spring):
+    """A spring behind a converter of 4 mN a component, which declares it or does not."""
+
+    QUANTUM = 4e-3
+
+    def __init__(self, scene: Scene, *, declared: bool = True) -> None:
+        super().__init__(scene)
+        if declared:
+            self.declares = Declaration(force_resolution=self.QUANTUM)
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, np.rint(force / self.QUANTUM) * self.QUANTUM)
+
+
 class Damped(Spring):
     """A spring with a damper of 2 N s/m across the surface, which the scene does not call for."""
 

@@ -201,3 +201,12 @@ def test_a_dead_band_is_judged_alike_whatever_the_step_of_the_path(step, deepest
     assert (bare.outcome, bare.level) == (FAIL, Level.MUST), bare.finding.message
     assert "a dead band" in bare.finding.message
     assert verdict(force_sizes.Coarse, judged).outcome is PASS
+
+
+@pytest.mark.parametrize("check", ["contact-normal-force", "numerical-stability"])
+def test_a_converter_turns_a_force_by_its_quantum_and_may_if_that_is_declared(check):
+    told, untold = (
+        verdict(lambda scene, said=said: force_sizes.Quantized(scene, declared=said), CONVEX, check)
+        for said in (True, False)
+    )
+    assert (told.outcome, untold.outcome) == (PASS, FAIL), told.finding.message

@@ -15,6 +15,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
 from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, resting_ticks
+from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.sampling import (
     above_force_floor,
     believed_standoff,
@@ -268,7 +269,8 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
     force that is there without a depth was not built so, and has the rounding of its own components only.
 
-    Each component of a force that a log gives in steps of q is off by up to q / 2.
+    Each component of a force that a log gives in steps of q is off by up to q / 2; a force of a declared resolution, by
+    as much to any side.
     """
     depth = _least_depth(recording, pressed_rows)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
@@ -278,11 +280,9 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
         + _resolution_angle(recording, scene, pressed_rows)
     )
-    # Half a step of a log in every component.
-    half_step = 0.5 * log_step(recording, "force")
-    if half_step > 0.0:
-        angle += np.arcsin(np.minimum(half_step / np.linalg.norm(recording.force[pressed_rows], axis=1), 1.0))
-    return np.asarray(angle)
+    # Aside by a declared quantum, or by half a step of a log in every component.
+    sizes = np.linalg.norm(recording.force[pressed_rows], axis=1)
+    return np.asarray(angle + np.arcsin(np.minimum(force_coarseness(recording, sizes) / sizes, 1.0)))
 
 
 def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | str:

@@ -11,6 +11,7 @@ import numpy as np
 from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Runs, required
 from hapticeval.phenomena.decisions import NUDGE_SHARE
+from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.sampling import believed_standoff, resolution
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -36,15 +37,16 @@ def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = 
     IHIPs, and forces as lengths: by the stiffness, or, of a tool that moves by itself, by m / dt^2 where that is more.
 
     Such a tool's forces are means over a tick with the impulses of all events in it, and move its tool by so much.
+    Either force may be off by the resolution that is declared of it.
     """
     base = runs.base
     distance = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
         # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
         event_stiffness = scene.mass / base.dt**2 if base.own_tool else 0.0
-        distance = np.maximum(
-            distance, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, event_stiffness)
-        )
+        coarse = sum(force_coarseness(run, np.linalg.norm(run.force, axis=1)) for run in (base, other))
+        apart = np.maximum(np.linalg.norm(base.force - other.force, axis=1) - coarse, 0.0)
+        distance = np.maximum(distance, apart / max(scene.stiffness, event_stiffness))
     return np.asarray(distance)
 
 
