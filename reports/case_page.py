@@ -277,8 +277,13 @@ def case_section(
     from hapticeval.phenomena.registry import CHECKS
 
     names = [entry.renderer for entry in entries]
-    # Verdicts of a run that broke say nothing: the page names them with the error.
-    judged = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
+    # What a break left without a verdict stands with the error; what was judged in spite of it, with the others.
+    judged = [
+        verdict
+        for entry in entries
+        for verdict in verdicts.get(entry.renderer, ())
+        if not (entry.error and verdict.outcome is Outcome.ERROR)
+    ]
     drawable = _drawable_recordings(recordings)
     is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
     # A renderer's look is its place in the whole report, not on this page.

@@ -81,7 +81,7 @@ def effects_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
     """Return each effect of `PANELS` with the first recorded run whose scene calls for no other of the surface."""
     alone_by_kind: dict[str, tuple[Effect, RunEntry]] = {}
     for run in results.runs:
-        if not run.scene.effects or run.error or run.refusal or run.recording is None:
+        if not run.scene.effects or run.refusal or run.recording is None:
             continue
         # Effects of device and sensors may be there as well: they belong to the robot.
         surface_effects = [effect for effect in map(make_effect, run.scene.effects) if effect.stage is Stage.ANSWER]

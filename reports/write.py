@@ -80,7 +80,8 @@ class Page:
 
     @property
     def _recorded(self) -> Sequence[RunEntry]:
-        return [run for run in self.runs if not run.error]
+        # One that broke where a check ran it once more has its recording.
+        return [run for run in self.runs if run.recording is not None or not run.error]
 
     def _write(self, recordings: Mapping[str, Recording | str]) -> str:
         """Return the case's section of a single page, or write its own page, from these recordings."""

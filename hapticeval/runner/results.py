@@ -507,7 +507,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def lost(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict is an error since its whole run broke: `breakdowns` reports these together."""
+        """Return whether a verdict is an error since what it needs of its run broke: `breakdowns` has them together."""
         return verdict.outcome is Outcome.ERROR and verdict.key in self._broken
 
     @cached_property

@@ -103,7 +103,8 @@ class Closeup:
         rows = Rows.resting(self._rows.hip[row], self._subject.dt, REST_PATIENCE)
         answers: list[tuple[Array, Array]] = []
         for _ in range(REST_PATIENCE):
-            answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
+            hip, velocity = rows.hip[0], rows.velocity[0]
+            answers.append(step_checked(renderer, self._tick(row), hip, velocity, self._subject.dt, may_refuse=False))
             same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
             # a proxy that lags by `lag` ticks has caught up when so many answers are the same
             if len(same_answers) > lag and all(same_answers):

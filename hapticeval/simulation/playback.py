@@ -261,18 +261,18 @@ def _step_by_step(renderer: Renderer, rows: Rows, first: int, ahead: int = 0, pu
     """Answer rows from a reset by `step`; the `ahead` rows of the way in count as tick `first`."""
     answers = Answers.room(rows.hip)
     reset_checked(renderer, rows.hip[0])
-    _answer_each(renderer, rows, answers, range(len(rows.hip)), first, ahead, pushes)
+    _answer_each(renderer, rows, answers, range(len(rows.hip)), first, ahead, pushes, from_reset=True)
     return answers
 
 
 def _answer_each(
     renderer: Renderer, rows: Rows, answers: Answers, numbers: range, first: int, ahead: int = 0,
-    pushes: Array | None = None,
+    pushes: Array | None = None, *, from_reset: bool,
 ) -> None:  # fmt: skip
     """Write the answers of the rows `numbers`, a `step` a row: the one loop in Python over a path that is given.
 
-    One that feels is given `pushes` (n, N), N. Errors count ticks from `first` on, to which the first `ahead` rows
-    belong.
+    A renderer may refuse a row only if that is the first `from_reset` on. One that feels is given `pushes` (n, N), N.
+    Errors count ticks from `first` on, to which the first `ahead` rows belong.
     """
     for row in numbers:
         tick, hip = first + max(row - ahead, 0), rows.hip[row]
@@ -280,7 +280,7 @@ def _answer_each(
             observe_force_checked(renderer, tick, hip, pushes[row])
         try:
             ihip, force = step_checked(
-                renderer, tick, hip, rows.velocity[row], float(rows.dt[row]), may_refuse=row == 0
+                renderer, tick, hip, rows.velocity[row], float(rows.dt[row]), may_refuse=from_reset and row == 0
             )
         except RendererError as error:
             if ahead:
@@ -378,7 +378,13 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN_TICKS):
         answers_of_turn = [
-            lead_on(renderer, rows.part(begin, begin + TURN_TICKS), begin, partial(rows.part, 0, begin))
+            lead_on(
+                renderer,
+                rows.part(begin, begin + TURN_TICKS),
+                begin,
+                partial(rows.part, 0, begin),
+                from_reset=begin == 0,
+            )
             for renderer, rows in parties
         ]
         for column, answered in zip(answers, answers_of_turn[0], strict=True):
@@ -389,8 +395,16 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
-def lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[], Rows], *, ahead: int = 0) -> Answers:
-    """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
+def lead_on(
+    renderer: Renderer,
+    rows: Rows,
+    first: int,
+    since_reset: Callable[[], Rows],
+    *,
+    ahead: int = 0,
+    from_reset: bool = False,
+) -> Answers:
+    """The answers of a renderer that is led on, or `from_reset` on. Errors count ticks from `first` on.
 
     By its compiled `law` or its `lead`, where it has one: what a law refuses its `step` words. A `lead` that raises has
     gone nobody knows how far. The renderer then steps from a reset along `since_reset`, the rows that it was led along
@@ -404,8 +418,8 @@ def lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[]
     except (Exception, SystemExit) as error:
         before = since_reset()
         reset_checked(renderer, before.followed_by(rows).hip[0])
-        _answer_each(renderer, before, Answers.room(before.hip), range(before.dt.size), 0, ahead)
-        _answer_each(renderer, rows, answers, range(rows.dt.size), max(first, 0), max(-first, 0))
+        _answer_each(renderer, before, Answers.room(before.hip), range(before.dt.size), 0, ahead, from_reset=True)
+        _answer_each(renderer, rows, answers, range(rows.dt.size), max(first, 0), max(-first, 0), from_reset=from_reset)
         raise blame_renderer(
             "lead()",
             error,
@@ -419,7 +433,9 @@ def lead_on(renderer: Renderer, rows: Rows, first: int, since_reset: Callable[[]
         row = int(np.argmax(not_finite_rows))
         raise not_finite(max(first + row, 0), rows.hip[row], ihips[row], forces[row])
     # ticks before `first` = 0 are those of the way in
-    _answer_each(renderer, rows, answers, range(answered, rows.dt.size), max(first, 0), max(-first, 0))
+    _answer_each(
+        renderer, rows, answers, range(answered, rows.dt.size), max(first, 0), max(-first, 0), from_reset=from_reset
+    )
     return answers
 
 

@@ -47,7 +47,7 @@ from hapticeval.reports.case_page import (
 )
 from hapticeval.reports.plane import solid_mesh
 from hapticeval.reports.templates import case_file, environment, evidence_words
-from hapticeval.runner.results import Measure, Refusal
+from hapticeval.runner.results import Measure, Problem, Refusal
 
 # What of a run is kept, and how it is packed.
 
@@ -414,6 +414,19 @@ def test_a_run_without_recording_a_refusal_and_an_error_are_described():
     assert "The cross marks the place" in text
     assert "No check gave a verdict" in text
     assert "case-data" not in text
+
+
+def test_of_a_run_that_broke_in_one_checks_sibling_the_other_verdicts_and_the_paths_are_shown():
+    broke = Problem(what="step() raised", why="no way back", todo="mend it")
+    judged = verdicts("lobe", "plain", lobe_recording())
+    lost = verdict("lobe", "plain", "drift", Finding(Outcome.ERROR, "step() raised; no way back"))
+    run = synthetic_run("lobe", "plain", "cassinian", error=broke)
+    text = section([run], {"plain": lobe_recording()}, [*judged, lost])
+    assert "Not judged for it: <span" in text
+    assert text.partition("Not judged for it:")[2].partition("</p>")[0].count("<span") == 1
+    assert {f"plain/{entry.check}" for entry in [*judged, lost]} <= set(Page(text).ids)
+    assert "pop-through &lt;here&gt;" in text
+    assert "case-data" in text
 
 
 def test_verdicts_that_say_the_same_share_a_row_and_what_fails_comes_first():

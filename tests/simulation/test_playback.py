@@ -446,6 +446,33 @@ def test_a_refusal_stands_before_the_first_answer(refused, kind):
         play(kind(5), path, 1e-3)
 
 
+class RefusesWhereItRests(Refuses):
+    """Refuses a hand that has moved and stands still: what a close-up asks first, where it begins."""
+
+    def step(self, hip, velocity, dt):
+        if self.moved and not np.any(velocity):
+            raise RefusalError("a hand at rest", why="it is not for it")
+        self.moved = bool(np.any(velocity))
+        return hip, 0.0 * hip
+
+    def reset(self, hip):
+        self.moved = False
+
+
+def test_a_refusal_in_a_close_up_or_at_a_later_turn_is_the_renderers_fault(refused):
+    scene = Scene(model=line())
+    renderer = RefusesWhereItRests(0)
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), scene)
+    with refused(RendererError):
+        look.refined(50, 52, 4, lag=3)
+    # The first answer of the second turn is its ninth.
+    party = (Refuses(9), PATH, scene)
+    with refused(RendererError):
+        play_in_turns(party, (Refuses(0), PATH, scene), 0.01)
+    with pytest.raises(RefusalError):
+        play_in_turns((Refuses(0), PATH, scene), (Refuses(1), PATH, scene), 0.01)
+
+
 class OwnBuffers:
     """Writes each answer into the same two arrays."""
 
