@@ -209,14 +209,14 @@ class CompiledStep(NamedTuple):
 
     It must answer as `step` does, to the last bit.
 
-    - `function`: a kernel of signature `hapticeval.compiled.LAW`.
+    - `function`: a kernel of signature `hapticeval.laws.LAW`.
     - `data`: the renderer's own, with the state that its last `reset` or `step` left. A loop resets the renderer and
       goes on from there. Where a scene's effects are put on the renderer's answers it is another tuple, see
       `hapticeval.simulation.answers`.
     - `domain_exits`: where the hand has left the law's domain, in words, by the kernel's numbers above 0. One below 0
       is the renderer's own, and it broke.
     - `contact` (1,): where each tick leaves 1 if it reports contact, and else 0; None where it reports none.
-    - `rows`: `compiled.lead_by_law` for this function alone, which is compiled into it and so is not an argument: for
+    - `rows`: `laws.lead_by_law` for this function alone, which is compiled into it and so is not an argument: for
       one so short that calling it takes longer. None where there is none.
     """
 

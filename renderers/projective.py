@@ -146,7 +146,7 @@ PAST = record_type("in_contact", error=3, normal=3)
 outward unit normal at the IHIP, which a projection writes before it regulates."""
 
 
-def gains(regulation: Regulation, scene: Scene) -> Array:
+def gains_of(regulation: Regulation, scene: Scene) -> Array:
     """Return the `GAINS` of a law (7,), which its `params` begin with."""
     # k_p = K_p e_0^(1/2) and k_d = K_d (rate_0 / e_0)^(1/2), see `regulation` on the square root
     spring = scene.stiffness * REFERENCE_DEPTH**0.5
@@ -355,7 +355,7 @@ class CompiledRenderer(LawRenderer):
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
         # each renderer has a state of its own, and shares the tables with its projection
         law = CompiledStep(
-            projection.law, projection.data(gains(regulation, scene)), domain_exits={}, rows=projection.rows
+            projection.law, projection.data(gains_of(regulation, scene)), domain_exits={}, rows=projection.rows
         )
         lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
         super().__init__(law, projection.surface, **lengths)
@@ -384,7 +384,7 @@ class RendererInPython:
         self.regulation = regulation
         self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
         self.declares = declaration_of(projection, regulation, scene)
-        self._params = gains(regulation, scene)
+        self._params = gains_of(regulation, scene)
         if projection.potential:
             self._params = np.append(self._params, potential_record(projection.potential))
         self._state = np.zeros(room_for(PAST))

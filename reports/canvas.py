@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 MM = 1e3
 """Millimetres in a metre: figures show lengths in mm, everything else is in m."""
 
-INK, QUIET = "#1c1f23", "#6b7280"  # of what is read, and of what stands beside it
 THEME: Mapping[str, str] = MappingProxyType(
     {
         "ink": "#1c1f23",
@@ -46,8 +45,12 @@ THEME: Mapping[str, str] = MappingProxyType(
 )
 """Role -> the colour that it is drawn in, which becomes `var(--fig-<role>)`: the page defines how it looks.
 
-Curves have the colours of Okabe and Ito, which the colour-blind tell apart; no two roles share a colour.
+Curves have the colours of Okabe and Ito, which the colour-blind tell apart; no two roles share a colour. The
+page has a light and a dark side: there the sheet has others for some roles.
 """
+
+INK, QUIET = THEME["ink"], THEME["quiet"]
+"""The colours of what is read, and of what stands beside it."""
 
 PALETTE: Mapping[str, str] = MappingProxyType(
     {

@@ -1,4 +1,4 @@
-"""What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, and the model.
+"""What a case page holds of its runs: some thousand samples of each, chosen so that extremes stay, and the model.
 
 `case_document` is what the page's script reads: JSON, in which arrays are base64 of little-endian floats.
 """
@@ -42,7 +42,7 @@ MOST_MARKED_EVENTS = 200
 """At most so many gaps, so many jumps and so many changes of contact are kept for certain; the longest jumps."""
 
 JUMP_RATIO = 4.0
-"""An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
+"""An IHIP step this many times as long as the HIP's, and as the shorter of the steps beside it, is kept: a jump."""
 
 MOST_CONTACTS = 40
 """Of a run with more contacts than this, beginnings and ends are not marked: nothing else would be seen."""
@@ -330,7 +330,8 @@ def _drawn_steps(recording: Recording, points: Array) -> Array:
 def jump_rows(recording: Recording) -> IntArray:
     """Return the rows at which the IHIP has just jumped, the longest `MOST_MARKED_EVENTS` of them.
 
-    A jump is a step `JUMP_RATIO` times as long as the HIP's and as the steps before and after it.
+    A jump is a step `JUMP_RATIO` times as long as the HIP's and as the shorter of the steps before and after it, and at
+    least half as long as the longer one.
     """
     if "ihip" not in recording.channels or len(recording) < 3:
         return np.zeros(0, dtype=np.int64)

@@ -14,7 +14,7 @@ from hapticeval.types import Array
 
 
 class CompiledDevice(NamedTuple):
-    """A device's kernels, made by `compiled`, of the signatures of the same names in `hapticeval.compiled`."""
+    """A device's kernels, made by `compiled`, of the signatures of the same names in `hapticeval.laws`."""
 
     kinematics: Callable[..., Any]
     dynamics: Callable[..., Any]

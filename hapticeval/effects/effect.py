@@ -3,7 +3,7 @@
 An effect is a frozen dataclass. Its fields are its numbers; `number` declares each with a unit and what it may be. The
 class attributes and methods of `Effect` are all that the rest of the package knows of it, and each has a default.
 
-An effect that takes part in a tick has a `stage` and a `part`: a plain function over arrays, which is compiled when a
+An effect that takes part in a tick has a `stage` and a `Part`: a plain function over arrays, which is compiled when a
 scene first calls for it, and what it works on.
 
 Those of the device take part in the closed loop. Those of the surface change each answer of a renderer that does not
@@ -64,10 +64,10 @@ class Alters(StrEnum):
 
 
 class Part(NamedTuple):
-    """What an effect adds to the closed loop, assembled for one run.
+    """What an effect adds to a tick, assembled for one run: by `Effect.part` of a loop, by `Effect.change` else.
 
-    `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package but compiled functions.
+    `function` writes in place; it is plain Python over arrays that numba can compile, and calls nothing of the package
+    but compiled functions. Either method says how it is called.
 
     `params` (k,) are its numbers, and `samples` (ticks, N) what it is given at each tick. `state` (2D) is what one tick
     leaves to the next, and has in a part the numbers with which every run begins.
@@ -168,14 +168,18 @@ class Effect:
         """Raise `RefusalError` where it cannot be put on a renderer's answers, of which `ask` gives any."""
 
     def part(self, ticks: int, size: int, dt: float) -> Part:
-        """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
+        """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints.
+
+        `function(params, samples, state, tick, dt, first, second)` is given two arrays (N,) that depend on the `stage`,
+        writes in place, and returns a float.
+        """
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no part")
 
     def change(self, scene: Calling) -> Part:
         """Assemble what it does to each answer of a renderer of `scene`, at the stage `ANSWER`.
 
         `function(numbers, closest, hip, velocity, dt, ihip, force)` is given the fields `params`, `samples` and `state`
-        of the part as `numbers`, the scene's boundary as `closest`, see `hapticeval.compiled.CLOSEST`, and the answer
+        of the part as `numbers`, the scene's boundary as `closest`, see `hapticeval.laws.CLOSEST`, and the answer
         to `hip` (N,), m, which it changes in place: `ihip` (N,), m, and `force` (N,), N. It returns 0, or the number of
         one of `domain_exits`.
 

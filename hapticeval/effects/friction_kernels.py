@@ -95,12 +95,13 @@ def bulge_path(tool: Array, target: Array, chord_squared: float, bulge: Array) -
 
 @inner
 def force_at(
-    place: Array, tool: Array, target: Array, pressing_force: Array, stiffness: float, side: float
+    place: Array, tool: Array, target: Array, pressing_force: Array, stiffness: float, outward_sign: float
 ) -> tuple[float, float, bool]:
     """Return F_n and F_t (N) on the tool at a `place`, and whether the hand pulls it onwards there.
 
     `place`, `tool` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, and of p. The force is
-    `pressing_force` (N,), N, plus K (place - p), K the `stiffness` (N/m). `side` is -1 where F_n counts inwards.
+    `pressing_force` (N,), N, plus K (place - p), K the `stiffness` (N/m). `outward_sign` is -1 where F_n
+    counts inwards.
     """
     normal_force, tangential_squared, pull_onwards = 0.0, 0.0, 0.0
     for i in range(pressing_force.shape[0]):  # (4.17): its part along the normal
@@ -110,7 +111,7 @@ def force_at(
         tangential_squared += tangential**2
         # the hand pulls the tool against the force that it feels: onwards along the chord where this is positive
         pull_onwards -= tangential * (target[0, i] - tool[0, i])
-    return side * normal_force, math.sqrt(tangential_squared), pull_onwards > 0.0
+    return outward_sign * normal_force, math.sqrt(tangential_squared), pull_onwards > 0.0
 
 
 @inner
@@ -140,6 +141,7 @@ def slide(
     cone, state, dimension = as_record(data.params, CONE), data.state, hip.shape[0]
     # each is two rows: a place on the surface (m), and the outward unit normal there
     tool, target, trial = state[0:2], state[2:4], state[4:6]
+    # mode: whether there is contact, and whether the tool slides
     pressing_force, point, mode, bulge = state[6], state[7], state[8], state[9]
     force_squared, chord_squared = 0.0, 0.0  # |F_b|^2, N^2; |p - s|^2, m^2
     for i in range(dimension):
@@ -152,9 +154,9 @@ def slide(
         chord_squared += (target[0, i] - tool[0, i]) ** 2
     press = measure_pressing_force(hip, ihip, force, target[1], pressing_force)
     # a bilateral surface also holds a tool that is pulled off it: F_n then counts inwards
-    side = -1.0 if press < 0.0 and cone.bilateral == 1.0 else 1.0
+    outward_sign = -1.0 if press < 0.0 and cone.bilateral == 1.0 else 1.0
     # No lag: contact begins, s is p already, or nothing presses the tool on the surface.
-    if mode[0] == 0.0 or chord_squared == 0.0 or side * press <= 0.0:
+    if mode[0] == 0.0 or chord_squared == 0.0 or outward_sign * press <= 0.0:
         tool[:] = target
         ihip[:] = target[0]
         mode[0], mode[1] = 1.0, 0.0
@@ -180,7 +182,9 @@ def slide(
             for i in range(dimension):
                 point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
             closest.function(closest.data, point, trial)
-        normal_force, tangential_force, onwards = force_at(trial, tool, target, pressing_force, cone.stiffness, side)
+        normal_force, tangential_force, onwards = force_at(
+            trial, tool, target, pressing_force, cone.stiffness, outward_sign
+        )
         if k == AT_TOOL:
             # (4.18): a tool inside the static cone stays, and so does a sliding one inside the kinetic cone
             coefficient = cone.mu_k if mode[1] == 1.0 else cone.mu_s

@@ -19,7 +19,7 @@ SHADED_FACET = record_type("start", "length", "own_x", "own_y", "first_x", "firs
 corners."""
 
 ARC_LENGTH_ROW = 4
-"""Last row of a frame of `hapticeval.compiled.CLOSEST` in the plane: the arc length."""
+"""Last row of a frame of `hapticeval.laws.CLOSEST` in the plane: the arc length."""
 
 OWN_NORMAL, SHADED_NORMAL, SHADING_ROWS = 2, 3, 4
 """Rows of a frame of N = 3 beside those of a closest point: the normal that is turned, and what it is turned to."""

@@ -1,4 +1,4 @@
-"""What is added to the force when a contact begins: changes of answers, of signature `hapticeval.compiled.CHANGE`.
+"""What is added to the force when a contact begins: changes of answers, of signature `hapticeval.laws.CHANGE`.
 
 All keep the same state (STATE, N), and end with the contact: in free space there is no force. What a cap holds back
 goes into the ticks that follow.

@@ -48,7 +48,7 @@ class Runs:
     """The hand is led backwards along the same points."""
     at_speed: Callable[[float], Recording] | None = None
     """`at_speed(f)`: the experiment starts f times as fast."""
-    law: str | None = None
+    closed_form: str | None = None
     """The name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares."""
     again: Callable[[], Recording] | None = None
     """Once more through the same renderer, which is reset in between."""
@@ -239,7 +239,7 @@ class Check:
     @property
     def needs_closed_form(self) -> bool:
         """Whether the check compares with a closed form."""
-        return "law" in self.needs
+        return "closed_form" in self.needs
 
     def __call__(self, runs: Runs, scene: Scene) -> Finding:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""

@@ -286,8 +286,8 @@ HELD_FORCE_SHARE = 0.5
 *Chosen*: a spring that is kept has one, a rounded corner takes it to nothing. Doubled, every change of the force on a
 face would count as its loss."""
 
-SAME_DEPTH_SHARE = 0.5 * HELD_FORCE_SHARE
-"""Share of the depth by which it may vary where a force counts as given at one depth: half of `HELD_FORCE_SHARE`.
+SAME_DEPTH_SHARE = 0.5 * (1.0 - HELD_FORCE_SHARE)
+"""Share of the depth by which it may vary where a force counts as given at one depth: half of what it may lose.
 
 Derived from it: a spring's force varies with the depth, and so by no more than half of what would count as its loss.
 Doubled, a hand that rises to half its depth could by itself look like a lost force."""

@@ -63,7 +63,7 @@ class Judged:
 
 
 OF_ANY = ("pieces", "refine", "again", "moved")
-OF_LOOPS = ("at_speed", "law")
+OF_LOOPS = ("at_speed", "closed_form")
 OF_EXACT_LOOPS = ("without",)
 OF_PATHS = ("reverse", "look", "without", "reordered", "cut", "in_turns")
 OF_TICKS = ("subdivided", "led_on", "dropped_out")
@@ -91,7 +91,7 @@ class _SiblingRuns:
         self.step_seconds: float | None = None
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
-        self.law = case.closed_form.get(name) or _declared_form(self.renderer, scene)
+        self.closed_form = case.closed_form.get(name) or _declared_form(self.renderer, scene)
 
     def record(self, stimulus: Stimulus, dt: float, *, lead: Callable[..., Recording] = play) -> Recording:
         """Record what the renderer answers in steps of `dt` (s): along a path by `lead`, to an experiment in a loop."""
@@ -399,7 +399,7 @@ def judge_recorded(
         wall_seconds=time.perf_counter() - started,
         ended=ended,
         replay=None if recorded is None else recorded.replay,
-        closed_form=None if recorded is None else next((runs.law for runs in recorded.runs), None),
+        closed_form=None if recorded is None else next((runs.closed_form for runs in recorded.runs), None),
         step_seconds=None if recorded is None else recorded.step_seconds,
     )
 

@@ -25,6 +25,28 @@ PROOF_TICKS = 8
 """Ticks over which two copies of a renderer have to answer alike, one after the other."""
 
 
+@dataclass
+class _Original:
+    """The renderer that is looked at, and whether copies of it can stand for it."""
+
+    renderer: Renderer
+    dt: float
+    shared: tuple[object, ...]
+    ahead: int
+    can_be_copied: bool = True
+    copies_proved: bool = False
+
+    def copy(self, renderer: Renderer) -> Renderer | None:
+        """A copy that has the shared objects in common with `renderer`; None where it cannot be copied."""
+        if not self.can_be_copied:
+            return None
+        try:
+            return deepcopy(renderer, {id(shared_object): shared_object for shared_object in self.shared})
+        except Exception:  # a foreign object may refuse in any way; it is then led to the place anew
+            self.can_be_copied = False
+            return None
+
+
 class Closeup:
     """A path that a renderer was led along, any part of which it can be led along again in finer steps.
 
@@ -32,12 +54,12 @@ class Closeup:
     renderer where it can be copied, else by leading it there anew from its reset. `recording` holds what it answered.
     """
 
-    def __init__(self, recording: Recording, rows: Rows, before: Rows, subject: _Original) -> None:
+    def __init__(self, recording: Recording, rows: Rows, before: Rows, original: _Original) -> None:
         self.recording = recording
         self._rows = rows
         self._before = before
-        self._subject = subject
-        self._copies: dict[int, Renderer] = {}
+        self._original = original
+        self._kept_copies: dict[int, Renderer] = {}
 
     @classmethod
     def of(cls, renderer: Renderer, recording: Recording, scene: Scene) -> Closeup:
@@ -64,7 +86,7 @@ class Closeup:
         tick = self._tick(first)
         # the hand rests before the part, which then begins without lag, and after it, so that a lag shows
         rest_rows, rest_answer = self._rest_at(renderer, first, lag)
-        copy = self._subject.copy(renderer)
+        copy = self._original.copy(renderer)
         share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
         start, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
         dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
@@ -77,7 +99,7 @@ class Closeup:
             fine_rows,
             tick,
             lambda: self._rows_since_reset(first + 1).followed_by(rest_rows),
-            ahead=self._subject.ahead,
+            ahead=self._original.ahead,
         )
         answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
@@ -85,9 +107,9 @@ class Closeup:
         channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
         before = self._rows_since_reset(first + 1).followed_by(rest_rows.part(0, -1))
-        closeup = Closeup(recording, rows, before, self._subject)
+        closeup = Closeup(recording, rows, before, self._original)
         if copy is not None:
-            closeup._copies[0] = copy
+            closeup._kept_copies[0] = copy
         return closeup
 
     def _rows_since_reset(self, count: int) -> Rows:
@@ -96,15 +118,15 @@ class Closeup:
 
     def _tick(self, row: int) -> int:
         """As errors count it, from where the path begins."""
-        return self._before.dt.size - self._subject.ahead + row
+        return self._before.dt.size - self._original.ahead + row
 
     def _rest_at(self, renderer: Renderer, row: int, lag: int) -> tuple[Rows, Answers]:
         """The ticks of a rest at `row`, and the last answer, a single row."""
-        rows = Rows.resting(self._rows.hip[row], self._subject.dt, REST_PATIENCE)
+        rows = Rows.resting(self._rows.hip[row], self._original.dt, REST_PATIENCE)
         answers: list[tuple[Array, Array]] = []
         for _ in range(REST_PATIENCE):
             hip, velocity = rows.hip[0], rows.velocity[0]
-            answers.append(step_checked(renderer, self._tick(row), hip, velocity, self._subject.dt, may_refuse=False))
+            answers.append(step_checked(renderer, self._tick(row), hip, velocity, self._original.dt, may_refuse=False))
             same_answers = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
             # a proxy that lags by `lag` ticks has caught up when so many answers are the same
             if len(same_answers) > lag and all(same_answers):
@@ -115,30 +137,31 @@ class Closeup:
 
     def _renderer_after(self, row: int) -> Renderer:
         """The renderer as it was after `row`, to be led on from there."""
-        renderer_copy = self._copy_after(row) if self._subject.copies else None
-        copy = None if renderer_copy is None else self._subject.copy(renderer_copy)
+        renderer_copy = self._copy_after(row) if self._original.can_be_copied else None
+        # The copy that is kept stays where it is: another one is led on.
+        copy = None if renderer_copy is None else self._original.copy(renderer_copy)
         if copy is not None:
             return copy
         # it cannot be copied: led from its reset again
-        renderer = self._subject.renderer
+        renderer = self._original.renderer
         rows = self._rows_since_reset(row + 1)
         reset_checked(renderer, rows.hip[0])
-        lead_on(renderer, rows, -self._subject.ahead, partial(rows.part, 0, 0))
+        lead_on(renderer, rows, -self._original.ahead, partial(rows.part, 0, 0))
         return renderer
 
     def _copy_after(self, row: int) -> Renderer | None:
         """A copy of the renderer as it was after `row`, which is not to be led on itself; None where there is none."""
-        if row in self._copies:
-            return self._copies[row]
-        subject = self._subject
+        if row in self._kept_copies:
+            return self._kept_copies[row]
+        original = self._original
         # from the last copy before the row, or from a reset
-        nearest = max((copied_row for copied_row in self._copies if copied_row < row), default=-1)
+        nearest = max((copied_row for copied_row in self._kept_copies if copied_row < row), default=-1)
         if nearest >= 0:
-            renderer = subject.copy(self._copies[nearest])
+            renderer = original.copy(self._kept_copies[nearest])
         else:
-            reset_checked(subject.renderer, self._rows_since_reset(1).hip[0])
-            lead_on(subject.renderer, self._before, -subject.ahead, partial(self._before.part, 0, 0))
-            renderer = subject.renderer
+            reset_checked(original.renderer, self._rows_since_reset(1).hip[0])
+            lead_on(original.renderer, self._before, -original.ahead, partial(self._before.part, 0, 0))
+            renderer = original.renderer
         if renderer is None:
             return None
         lead_on(
@@ -146,15 +169,15 @@ class Closeup:
             self._rows.part(nearest + 1, row + 1),
             self._tick(nearest + 1),
             lambda: self._rows_since_reset(nearest + 1),
-            ahead=subject.ahead,
+            ahead=original.ahead,
         )
-        copy = subject.copy(renderer) if nearest < 0 else renderer
+        copy = original.copy(renderer) if nearest < 0 else renderer
         if copy is not None and self._proves_copies(copy, row + 1):
-            self._copies[row] = copy
-            if len(self._copies) > MOST_COPIES:
+            self._kept_copies[row] = copy
+            if len(self._kept_copies) > MOST_COPIES:
                 # the copy whose neighbours are closest together is the one that is missed least
-                rows = sorted(self._copies)
-                del self._copies[
+                rows = sorted(self._kept_copies)
+                del self._kept_copies[
                     min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
                 ]
             return copy
@@ -166,36 +189,16 @@ class Closeup:
         Two copies are led along the same rows from `row` on one after the other, and must give the same answers to the
         bit.
         """
-        subject = self._subject
-        if not subject.proved:
+        original = self._original
+        if not original.copies_proved:
             rows, tick = self._rows.part(row, row + PROOF_TICKS), self._tick(row)
             answers = []
             for _ in range(2):
-                copy = subject.copy(renderer)
+                copy = original.copy(renderer)
                 if copy is None:
                     return False
-                answers.append(lead_on(copy, rows, tick, lambda: self._rows_since_reset(row), ahead=subject.ahead))
-            subject.copies = subject.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
-        return subject.copies
-
-
-@dataclass
-class _Original:
-    """The renderer that is looked at, and whether copies of it can stand for it."""
-
-    renderer: Renderer
-    dt: float
-    shared: tuple[object, ...]
-    ahead: int
-    copies: bool = True
-    proved: bool = False
-
-    def copy(self, renderer: Renderer) -> Renderer | None:
-        """A copy that has the shared objects in common with `renderer`; None where it cannot be copied."""
-        if not self.copies:
-            return None
-        try:
-            return deepcopy(renderer, {id(shared_object): shared_object for shared_object in self.shared})
-        except Exception:  # a foreign object may refuse in any way; it is then led to the place anew
-            self.copies = False
-            return None
+                answers.append(lead_on(copy, rows, tick, lambda: self._rows_since_reset(row), ahead=original.ahead))
+            original.can_be_copied = original.copies_proved = all(
+                map(np.array_equal, *(answer[:2] for answer in answers))
+            )
+        return original.can_be_copied

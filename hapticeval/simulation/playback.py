@@ -1,6 +1,6 @@
 """Playback (Figure 6.1): a renderer is led along a given HIP path, as if it came from the robot's encoders.
 
-Any way to answer along a given path is made of two loops: `compiled.lead_by_law` over a compiled step, and one over
+Any way to answer along a given path is made of two loops: `laws.lead_by_law` over a compiled step, and one over
 `step` here. What a run had answered until its renderer raises is not kept; one that ends because the renderer leaves
 its domain keeps its rows, and the siblings that checks ask for are made along these.
 """

@@ -83,7 +83,7 @@ def runs(scheme, scene, position, velocity, duration, *, dt=1e-3, law=force, nam
     def at_speed(factor):
         return run(scheme, scene, position, np.multiply(factor, velocity), duration / factor, dt, law=law, push=push)
 
-    return Runs(at(1), refine=at, at_speed=at_speed, law=name)
+    return Runs(at(1), refine=at, at_speed=at_speed, closed_form=name)
 
 
 STARTS = {
@@ -180,7 +180,7 @@ def test_a_law_with_other_gains_than_the_form_s_is_told_from_it():
 def test_without_a_named_form_or_finer_runs_nothing_is_compared():
     base = runs_of_closed_form("pp", "on-circle")
     assert outcome("closed-form", Runs(base.base, refine=base.refine), CIRCLE) is NO
-    assert outcome("closed-form", Runs(base.base, law="6.24"), CIRCLE) is UNDECIDED
+    assert outcome("closed-form", Runs(base.base, closed_form="6.24"), CIRCLE) is UNDECIDED
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -248,7 +248,7 @@ DYNAMIC = ("constraint-stability", "output-invariance", "decoupling", "tangentia
 def test_a_led_hand_and_a_one_sided_surface_are_not_what_these_checks_are_about():
     base = runs_of_closed_form("pp", "on-circle").base
     led = changed(base, {"source": "playback"})
-    assert {outcome(c, Runs(led, law="6.24"), CIRCLE) for c in DYNAMIC} == {NO}
+    assert {outcome(c, Runs(led, closed_form="6.24"), CIRCLE) for c in DYNAMIC} == {NO}
     one_sided = replace(CIRCLE, bilateral=False)
     for check in ("constraint-stability", "output-invariance"):
         assert outcome(check, Runs(base), one_sided) is NO

@@ -24,7 +24,7 @@ UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early th
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the largest distance between the extrapolated run and the closed form of its law."""
     base = runs.base
-    form = CLOSED_FORMS[required(runs.law)]
+    form = CLOSED_FORMS[required(runs.closed_form)]
     if SurfaceMotion(base, scene).pushed.any():
         return undecided("the operator pushes, and the closed form knows no operator")
     extrapolation = extrapolated(runs, lambda recording: recording.hip)
@@ -79,11 +79,11 @@ CHECK = Check(
     channels=("hip", "velocity"),
     reads_also=("operator_force",),
     siblings={
-        "law": "the closed form that the case names, or that of the law which the renderer declares to be",
+        "closed_form": "the closed form that the case names, or that of the law which the renderer declares to be",
         "refine": "the same experiment at 2, 4 and 8 times the sampling rate",
     },
     needs={
-        "law": not_applicable(
+        "closed_form": not_applicable(
             "no closed form is named for this renderer here, and it declares to be no law that has one",
         ),
         "refine": undecided(UNREPEATABLE),

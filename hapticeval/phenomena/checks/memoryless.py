@@ -91,6 +91,7 @@ CHECK = Check(
     needs={
         "reverse": undecided("one recording reaches each HIP only once; a second path is needed to decide"),
     },
+    # A force in free space may be: it is the same on both ways.
     not_with=(Alters.CONTACT_POINT,),
     metric="distance between the IHIPs of one HIP",
     unit="m",

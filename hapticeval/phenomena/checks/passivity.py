@@ -277,24 +277,24 @@ def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene
     base, set_aside = runs.base, ""
     if not touching(base, scene).any():
         return undecided("the tool is never in contact")
-    round_trips = laps(base.hip, scene.model.size)
+    lap_runs = laps(base.hip, scene.model.size)
     while True:
-        finding, failing_span = _judge(base, refine, scene, partial(_find_closed_paths, round_trips=round_trips))
+        finding, failing_span = _judge(base, refine, scene, partial(_find_closed_paths, lap_runs=lap_runs))
         if failing_span is None or not failing_span.closes_lap:
             return replace(finding, message=finding.message + set_aside)
-        trip = next(
-            trip
-            for trip in round_trips
-            if failing_span.last in range(trip.first, trip.first + trip.number * trip.period + 1)
+        lap_run = next(
+            lap_run
+            for lap_run in lap_runs
+            if failing_span.last in range(lap_run.first, lap_run.first + lap_run.number * lap_run.period + 1)
         )
-        if not _spends_store(runs, trip, scene):
+        if not _spends_store(runs, lap_run, scene):
             return finding
-        round_trips.remove(trip)
+        lap_runs.remove(lap_run)
         set_aside = "; laps that give are set aside: led on until what the hand had put in is spent, they give no more"
 
 
 ClosedPath: TypeAlias = list[Span]
-"""A path that closes: one span, or those of a round trip's laps, of which the one that gives least counts."""
+"""A path that closes: one span, or those of a round lap_run's laps, of which the one that gives least counts."""
 
 PathSearch: TypeAlias = Callable[[BoolArray], list[ClosedPath]]
 """From where nothing touches, (n,), the paths that close."""
@@ -304,12 +304,12 @@ def _since_free_space(free: BoolArray, first: int, last: int) -> Span:
     return Span(first, last, "from free space to free space" if free[last] else "since free space")
 
 
-def _find_closed_paths(free: BoolArray, round_trips: list[LapRun]) -> list[ClosedPath]:
+def _find_closed_paths(free: BoolArray, lap_runs: list[LapRun]) -> list[ClosedPath]:
     """Return the paths that close: from free space on, and the laps after the first in which something is touched."""
     closed_paths = [[_since_free_space(free, *rows)] for rows in contact_spans(free)]
-    for trip in round_trips:
+    for lap_run in lap_runs:
         # What one lap alone gives may have been stored; what is created comes in every lap.
-        after = [Span.of_lap(first, last) for first, last in trip.later if not free[first:last].all()]
+        after = [Span.of_lap(first, last) for first, last in lap_run.later if not free[first:last].all()]
         if after:
             closed_paths.append(after)
     return closed_paths
@@ -325,8 +325,8 @@ def _judge(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         ), None
     # Refined until a gain is certain, or nothing is open.
-    for finest in FINER_RATES:
-        gains = _gains(base, sampled, refine, scene, find_closed_paths, finest)
+    for finest_rate in FINER_RATES:
+        gains = _gains(base, sampled, refine, scene, find_closed_paths, finest_rate)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
@@ -334,37 +334,37 @@ def _judge(
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding, _worst(telling).span
-    gain = _at_own_rate(base, sampled, scene, find_closed_paths(sampled.free))
+    at_own_rate = _at_own_rate(base, sampled, scene, find_closed_paths(sampled.free))
     if finding.outcome is Outcome.PASS and declares_wide_range(base):
         words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
         return replace(finding, message=f"{finding.message}; {words}"), None
-    if gain is None or gain.excess <= 0.0:
+    if at_own_rate is None or at_own_rate.excess <= 0.0:
         return finding, None
-    return _hold_failure(base, scene, gain), gain.span
+    return _hold_failure(base, scene, at_own_rate), at_own_rate.span
 
 
-def _spends_store(runs: Runs, trip: LapRun, scene: Scene) -> bool:
+def _spends_store(runs: Runs, lap_run: LapRun, scene: Scene) -> bool:
     """Return whether laps give only what was stored before: led on until that is spent, they give no more.
 
     A passivity controller stores what the hand puts in, and gives it back later. Since free space the hand has put in
     E; of a gain W a lap the first E / W laps prove nothing, and the one after them does.
     """
     base = runs.base
-    free = np.flatnonzero(~touching(base, scene)[: trip.first + 1])
+    free = np.flatnonzero(~touching(base, scene)[: lap_run.first + 1])
     if runs.led_on is None or free.size == 0:
         return False
-    work, closes = SampledWork(base, 1, scene), trip.first + trip.period
+    work, closes = SampledWork(base, 1, scene), lap_run.first + lap_run.period
     # As a controller sums it up, which knows in each tick the force and the step before it: F[i] . (x[i] - x[i-1]).
     # Twice the trapezoid less the rectangle of the step's begin, which is the held force's, is that of its end.
     observed = 2.0 * work.smooth - work.held
-    stored, gained = observed[free[-1]] - observed[closes], observed[closes + trip.period] - observed[closes]
+    stored, gained = observed[free[-1]] - observed[closes], observed[closes + lap_run.period] - observed[closes]
     if not 0.0 < stored <= MOST_LAPS * gained:
         return False
     # One lap to load a memory, those that spend the store, and one that shows what comes after.
-    led = runs.led_on(math.ceil(stored / gained) + 2, trip.first, trip.period)
+    led = runs.led_on(math.ceil(stored / gained) + 2, lap_run.first, lap_run.period)
     if led.refine is None:
         return False
-    after = [[Span.of_lap(len(led.base) - 1 - trip.period, len(led.base) - 1)]]
+    after = [[Span.of_lap(len(led.base) - 1 - lap_run.period, len(led.base) - 1)]]
     _, failing_span = _judge(led.base, led.refine, scene, lambda _: after)
     return failing_span is None
 

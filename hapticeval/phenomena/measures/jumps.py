@@ -237,10 +237,13 @@ class _JumpSearch:
 
 
 def _sub_steps(depth: int, hip_step: float, resolved_step: float) -> int:
-    """Return the sub-steps of a step in the next look; none passes by the finest, of `resolved_step` m."""
+    """Return into how many sub-steps the next look divides a step, of which the HIP takes `hip_step`, m.
+
+    `FEW_PARTS` twice, then as many as end at `resolved_step`, m, and below that `MANY_PARTS` at a time.
+    """
     if depth < 2:
         return FEW_PARTS
-    # A power of two of sub-steps that ends at the finest step that single precision resolves.
+    # A power of two, so that HIPs of coarser looks are met to the bit.
     room = hip_step / resolved_step
     return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
@@ -344,14 +347,14 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_s
     A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. In
     this order:
 
-    - A jump keeps its spread below.
-    - What shrinks less than any such map, and becomes smooth only below, is a rounded jump where it rises over less HIP
+    - A jump keeps its spread below single precision.
+    - What shrinks less than any such map, and becomes smooth only there, is a rounded jump where it rises over less HIP
       travel than coordinates resolve; where it takes more, it is steep and continuous.
     - A jump's spread may tend to a limit above the bound: spread = limit + c r^k (Aitken).
     - Of the others, what shrinks as fast as a map with the least exponent is continuous, and what does not is steep.
 
-    A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has: it is
-    left out.
+    A scale below single precision at which the IHIP does not follow the hand shows the steps of rounding, which every
+    map has: it is left out.
     """
     last = scales[-1]
     # The finest scale that single precision still resolves.

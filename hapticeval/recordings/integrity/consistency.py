@@ -77,7 +77,7 @@ class ConsistencyTest:
 
 
 class Kinematics(Protocol):
-    """What is read of a device: see `hapticeval.devices.Device`."""
+    """What is read of a device: see `hapticeval.devices.device.Device`."""
 
     def position(self, joints: Array) -> Array:
         """Forward kinematics (2.3): the HIP (N,), m, at `joints` (N,), rad."""
