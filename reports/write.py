@@ -42,8 +42,8 @@ DRAWING_LOOK_SECONDS = 0.1
 MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
 
-DRAWING_MODULES = ("h5py", "matplotlib.figure", "matplotlib.backends.backend_svg")
-"""What each process that draws needs: imported once, before they are copied of this one."""
+DRAWING_MODULES = ("h5py", "jinja2", "markdown_it", "matplotlib.figure", "matplotlib.backends.backend_svg")
+"""What each process that draws needs, and this one for the first page: imported once, before they are copied of it."""
 
 NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
 """Stands in the figure's place on the page of a case that is not drawn."""

@@ -182,8 +182,12 @@ class Curve:
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """Return the closest points of points (n, 2), m: see `Boundary.closest_point`."""
-        closest_of = curve_kernels.closest_on_edges if self.straight else curve_kernels.closest_on_pieces
-        return closest_of(self._rows, self._project(points))
+        write_closest = curve_kernels.closest_on_edges if self.straight else curve_kernels.closest_on_pieces
+        located = self._project(points)
+        n = len(located)
+        closest = ClosestPoint(np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2)))
+        write_closest(self._rows, located, *closest)
+        return closest
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Return whether each of points (n, 2), m, lies inside (n,); points on the curve do not."""

@@ -13,8 +13,7 @@ import math
 import numpy as np
 
 from hapticeval.bracket import step_within
-from hapticeval.compiled import compiled
-from hapticeval.geometry.boundary import ClosestPoint
+from hapticeval.compiled import borrowing, compiled
 from hapticeval.geometry.kernels import (
     ARC,
     ARC_PIECE,
@@ -403,35 +402,34 @@ def locate_on_pieces(pieces: Array, points: Array) -> Array:
     return located
 
 
-@compiled
-def closest_on_edges(pieces: Array, located: Array) -> ClosestPoint:
-    """Return the closest points, on `pieces` (k, 9), that are `located` (n, 3): u (m), distance (m) and side."""
-    closest = _room_for_closest(located.shape[0])
+@borrowing
+def closest_on_edges(
+    pieces: Array, located: Array, foot: Array, normal: Array, distance: Array, shape: Array
+) -> None:  # fmt: skip
+    """Write the closest points, on `pieces` (k, 9), that are `located` (n, 3): u (m), distance (m) and side.
+
+    Into the arrays of a `ClosestPoint`: to make these here would take as long to compile as all else.
+    """
     for i in range(located.shape[0]):
         u = _wrapped(pieces, located[i, 0])
         k = piece_index(pieces, u)
         along = u - as_record(pieces, PIECE, k).u0
-        _write_closest(evaluate_line(pieces[k], along), located, i, closest)
-    return closest
+        distance[i] = located[i, 1] * located[i, 2]
+        _write_shape(evaluate_line(pieces[k], along), i, foot, normal, shape)
 
 
-@compiled
-def closest_on_pieces(pieces: Array, located: Array) -> ClosestPoint:
+@borrowing
+def closest_on_pieces(
+    pieces: Array, located: Array, foot: Array, normal: Array, distance: Array, shape: Array
+) -> None:  # fmt: skip
     """Answer `closest_on_edges` for `pieces` (k, 9) of any kind, located (n, 3) by u (m, rad), distance (m), side.
 
     This compiles all kinds.
     """
-    closest = _room_for_closest(located.shape[0])
     for i in range(located.shape[0]):
         u = _wrapped(pieces, located[i, 0])
-        _write_closest(evaluate(pieces[piece_index(pieces, u)], u), located, i, closest)
-    return closest
-
-
-@compiled
-def _room_for_closest(n: int) -> ClosestPoint:
-    """Return room for n closest points, to be written."""
-    return ClosestPoint(np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2)))
+        distance[i] = located[i, 1] * located[i, 2]
+        _write_shape(evaluate(pieces[piece_index(pieces, u)], u), i, foot, normal, shape)
 
 
 @compiled
@@ -445,18 +443,17 @@ def _wrapped(pieces: Array, u: float) -> float:
     return u if u < end else start
 
 
-@compiled
-def _write_closest(values: Values, located: Array, i: int, closest: ClosestPoint) -> None:
-    """Write the closest point number i of those `located` (n, 3), where the curve has these `values`."""
+@borrowing
+def _write_shape(values: Values, i: int, foot: Array, normal: Array, shape: Array) -> None:
+    """Write foot, normal and shape operator of the closest point number i, where the curve has these `values`."""
     x, y, dx, dy, ddx, ddy = values
-    closest.distance[i] = located[i, 1] * located[i, 2]
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
     # κ = (x' y'' - y' x'') / |c'|^3, and W = κ t t^T
     curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
-    closest.foot[i, 0], closest.foot[i, 1], closest.normal[i, 0], closest.normal[i, 1] = x, y, ty, -tx
-    closest.shape[i, 0, 0], closest.shape[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
-    closest.shape[i, 1, 0], closest.shape[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
+    foot[i, 0], foot[i, 1], normal[i, 0], normal[i, 1] = x, y, ty, -tx
+    shape[i, 0, 0], shape[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
+    shape[i, 1, 0], shape[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
 
 
 def closest_of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
