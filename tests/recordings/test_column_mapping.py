@@ -217,7 +217,7 @@ def test_a_proposal_takes_units_from_the_ends_of_names():
     text = propose(Table({"t_s": rows + 1.7e9, "x_m": rows, "y_m": rows}))
     assert 'column = "t_s"  # 9 rows, 1700000000 to 1700000008\nunit = "s"' in text
     # Of master and slave, not metres and seconds.
-    assert "[channels." not in text
+    assert "channels" not in tomllib.loads(text)
 
 
 def test_a_proposal_reads_topics_that_slashes_part():
@@ -225,6 +225,33 @@ def test_a_proposal_reads_topics_that_slashes_part():
     proposed = tomllib.loads(propose(Table({name: np.arange(9.0) for name in names})))
     assert proposed["channels"]["hip"]["columns"] == list(names[1:3])
     assert proposed["channels"]["force"]["columns"] == list(names[3:])
+
+
+def test_a_proposal_reads_german_words_and_points():
+    names = ("Zeit (s)", "Weg x (mm)", "Weg y (mm)", "Kraft x (N)", "Kraft y (N)")
+    proposed = tomllib.loads(propose(Table({name: np.arange(9.0) for name in names})))
+    assert proposed["channels"]["hip"]["columns"] == list(names[1:3])
+    assert proposed["channels"]["force"]["columns"] == list(names[3:])
+    names = ("time", "/tip/point/x", "/tip/point/y")
+    proposed = tomllib.loads(propose(Table({name: np.arange(9.0) for name in names})))
+    assert proposed["channels"]["hip"]["columns"] == list(names[1:])
+
+
+def test_the_torque_of_a_wrench_is_no_motor_s():
+    names = ("time", "/ft.wrench.force.x", "/ft.wrench.torque.x", "/ft.wrench.torque.y")
+    assert tomllib.loads(propose(Table({name: np.arange(9.0) for name in names})))["channels"].keys() == {"force"}
+
+
+def test_a_proposal_without_a_hand_has_its_lines_to_fill_in(tmp_path):
+    table = Table({"time": np.arange(9.0), "a": np.arange(9.0), "b": np.arange(9.0)})
+    text = propose(table)
+    assert "# [channels.hip]" in text
+    filled = text.replace("# [channels.hip]", "[channels.hip]").replace(
+        '# columns = ["?", "?"]', 'columns = ["a", "b"]'
+    )
+    filled = filled.replace('# unit = "?"', 'unit = "mm"').replace("# sign = 1", "sign = 1").replace('"?"', '"s"')
+    assert parse_mapping(tomllib.loads(filled)).channels["hip"].columns == ("a", "b")
+    assert "# [channels.hip]" not in propose(Table({"time": np.arange(9.0), "x": np.arange(9.0)}))
 
 
 def recording(valid=None):

@@ -263,12 +263,12 @@ LABEL_UNIT = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 CHANNEL_WORDS: tuple[tuple[str, str], ...] = (
     ("ihip", r"ihip|proxy|god.?object|virtual.?tool"),
     ("operator_force", r"operator.?force|hand.?force|f_?h\b"),
-    ("joint_torque", r"torque|tau|effort"),
+    ("joint_torque", r"torque|tau|effort|drehmoment"),
     ("joint_velocity", r"joint.*vel|qd|omega"),
-    ("joint_position", r"joint.*pos|theta|angle|encoder|\bq\b"),
-    ("velocity", r"vel|speed|\bv\b"),
-    ("force", r"force|wrench|\bf\b"),
-    ("hip", r"hip|pos|\bp\b|^$|\bx\b|endeff|tool|stylus"),
+    ("joint_position", r"joint.*pos|theta|angle|encoder|winkel|\bq\b"),
+    ("velocity", r"vel|speed|geschwindigkeit|\bv\b"),
+    ("force", r"force|wrench|kraft|\bf\b"),
+    ("hip", r"hip|pos|\bpoint\b|weg\b|\bp\b|^$|\bx\b|endeff|tool|stylus"),
 )
 """Words in names and labels, and the channel that they may mean; the first that fits."""
 
@@ -301,11 +301,20 @@ def propose(table: Table, *, file: str = "FILE") -> str:
     rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
     # What no proposal uses is listed at the end, so that nothing of the file goes unseen.
     used = {clock}
-    for channel, (columns, own) in _channels(table, rows, clock_names).items():
+    channels = _channels(table, rows, clock_names)
+    for channel, (columns, own) in channels.items():
         used |= {*columns, own}
         lines += ["", *_channel(table, channel, columns, ours=ours)]
         if own is not None:
             lines += [f"time = {_quoted(own)}", 'resample = "?"  # "hold" (the latest value) or "linear"']
+    if not channels.keys() & {"hip", "joint_position"}:
+        lines += ["", "# No column is named like the hand's position. Take the # off, and name its columns, x first:"]
+        lines += [
+            f"# [channels.hip]  # {CHANNELS['hip'].meaning} (m)",
+            '# columns = ["?", "?"]',
+            '# unit = "?"',
+            "# sign = 1",
+        ]
     valid = next((name for name in table.columns if ours and name.rpartition(".")[2] == "valid"), None)
     if valid is not None:
         used.add(valid)
@@ -386,6 +395,9 @@ def _channels(table: Table, rows: int, clock_names: list[str]) -> dict[str, tupl
             channel = next(
                 (name for words in descriptions for name, rule in CHANNEL_WORDS if re.search(rule, words)), ""
             )
+        # A wrench acts at the hand: its torque is that of no motor.
+        if channel == "joint_torque" and "wrench" in re.split(r"[./]", stem):
+            channel = ""
         # More than three columns are no vector of the world, nor joints of a device that is known here.
         if channel and len(columns) <= 3:
             channels.setdefault(channel, (columns, own))
