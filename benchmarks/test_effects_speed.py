@@ -17,9 +17,9 @@ from hapticeval.effects.catalogue import make_effect
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.laws import law_value
 from hapticeval.renderer import abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import loop_of
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 

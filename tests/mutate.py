@@ -44,7 +44,13 @@ from types import CodeType, FunctionType
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-TARGETS = ("hapticeval/phenomena", "hapticeval/runner/judging.py", "hapticeval/suite", "hapticeval/recordings/*.py")
+TARGETS = (
+    "hapticeval/phenomena",
+    "hapticeval/runner/judging.py",
+    "hapticeval/runner/siblings.py",
+    "hapticeval/suite",
+    "hapticeval/recordings/*.py",
+)
 """Files, folders with all that is in them, and patterns: of recordings the type and its file, not what others wrote."""
 TESTS = (
     "tests/phenomena",

@@ -31,12 +31,11 @@ from hapticeval.quantity import align_columns
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Batch, CompiledStep, Renderer, abilities_of
 from hapticeval.runner.folder import prepared_folder
-from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.planning import Job, RunOptions, plan
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
-from hapticeval.simulation.answers import Affected
+from hapticeval.simulation.answers import Affected, make_renderer
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop
 from hapticeval.simulation.playback import lead_in_path, play
 from hapticeval.stimulus.stimulus import Experiment, Stimulus

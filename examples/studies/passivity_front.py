@@ -23,7 +23,7 @@ from hapticeval.discovery import resolve
 from hapticeval.phenomena.checks.shading import angles
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import CURVES, MARKERS, THEME, figure, save_figure
-from hapticeval.runner.judging import make_renderer
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.paths import LAP_POINTS, Loop
 from hapticeval.stimulus.stimulus import Path as HandPath

@@ -142,7 +142,7 @@ def _renderer_on_hardware(name: str, scene: Scene) -> Renderer:
     """Make the renderer. Raises `InputError` for one that answers a whole stimulus and no single step."""
     from hapticeval.discovery import resolve
     from hapticeval.renderer import Renderer
-    from hapticeval.runner.judging import make_renderer
+    from hapticeval.simulation.answers import make_renderer
 
     renderer = make_renderer(resolve(name), scene)
     if not isinstance(renderer, Renderer):

@@ -20,8 +20,8 @@ from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import Renderer
 from hapticeval.replay.rerender import concatenated, hand_path, rerender
 from hapticeval.replay.subject import ReplayCase
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.types import Array
 
 LIVE_SOURCE = "hardware"

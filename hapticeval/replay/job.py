@@ -23,10 +23,11 @@ from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, rerender, rerender_backwards
 from hapticeval.replay.subject import REPLAY_SUITE, ReplayCase
 from hapticeval.runner import results
-from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
+from hapticeval.runner.judging import Recorded, judge_recorded
 from hapticeval.runner.planning import DEFAULT_OPTIONS, Job, Plan, RunOptions
 from hapticeval.runner.work import JudgedJob, seed_all, store_recording
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.suite.suite import Suite
 
 

@@ -24,11 +24,11 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import Renderer
-from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.work import seed_all
 from hapticeval.search.drawing import draw_cases, first_models
 from hapticeval.search.shrink import MOST_TRIALS, Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped, factory_of
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import run_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.case import Case

@@ -14,10 +14,20 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage
-from hapticeval.errors import DomainError, RefusalError, in_m
+from hapticeval.errors import DomainError, RefusalError, in_m, renderer_errors
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import path_velocities
-from hapticeval.renderer import Batch, CompiledStep, Renderer, Response, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import (
+    Batch,
+    CompiledStep,
+    Renderer,
+    RendererFactory,
+    Response,
+    TrajectoryRenderer,
+    abilities_of,
+    check_support,
+    choices_of,
+)
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -25,6 +35,25 @@ if TYPE_CHECKING:
     from hapticeval.laws import Change, Closest
     from hapticeval.recordings.channels import Signal
     from hapticeval.recordings.recording import Recording
+
+
+def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:
+    """Return the renderer that a factory makes for a scene, with the scene's effects; all renderers are made here.
+
+    Raises `RefusalError` where the scene asks for what neither factory nor renderer declares to support, and
+    `RendererError` for what is no renderer.
+    """
+    declared = choices_of(factory).supports
+    # What the factory declares refuses a scene before anything is built.
+    if declared is not None:
+        check_support(scene, declared)
+    with renderer_errors("factory"):
+        renderer = factory(scene)
+    supports = abilities_of(renderer).supports
+    # Only the renderer itself could say what it supports; where it says nothing, it supports no extra.
+    if declared is None:
+        check_support(scene, supports or frozenset())
+    return with_effects(renderer, scene)
 
 
 def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Renderer | TrajectoryRenderer:

@@ -32,9 +32,9 @@ from hapticeval.phenomena.sampling import farthest_standoff, force_floor, note_c
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import path_velocities, single_rounding
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import ask_without_hip, check_answer, reset_checked, step_checked
 from hapticeval.types import Array
 from hapticeval.workers import Overdue, ProcessEnded, Workers

@@ -11,8 +11,8 @@ import numpy as np
 
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import RendererFactory
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import case_named

@@ -20,8 +20,8 @@ from hapticeval.errors import DomainError, InputError, RefusalError, RendererErr
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Answers, Declaration, Spring, abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment

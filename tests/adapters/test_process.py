@@ -21,8 +21,8 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Spring, abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closeup import Closeup
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path as Way

@@ -19,9 +19,8 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.laws import LAW, LawData, law_value
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.answers import with_effects
+from hapticeval.simulation.answers import make_renderer, with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
@@ -114,7 +113,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.sensors import Encoder
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import abilities_of
-from hapticeval.runner.judging import make_renderer
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
 from hapticeval.simulation.closed_loop import loop_of, simulate_closed_loop

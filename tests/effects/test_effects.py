@@ -20,10 +20,10 @@ from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Response
 from hapticeval.reports.templates import robot_words
-from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Robot, SceneEntry
 from hapticeval.runner.work import scene_document
 from hapticeval.scene import Scene, requirements
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.reading import load_suite

@@ -23,8 +23,8 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response, abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.experiments import build_path

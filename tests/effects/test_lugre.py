@@ -21,8 +21,8 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.passivity import active_by_nature
 from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Level
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path

@@ -18,8 +18,8 @@ from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Response
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.case import Case

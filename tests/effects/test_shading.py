@@ -18,8 +18,8 @@ from hapticeval.geometry.catalogue import make_model, star
 from hapticeval.geometry.solids import icosphere, prism
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Response
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 

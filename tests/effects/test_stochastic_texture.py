@@ -35,8 +35,8 @@ from hapticeval.examples.studies.texture import as_toml
 from hapticeval.examples.studies.texture import main as show_texture
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 

@@ -19,8 +19,8 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 

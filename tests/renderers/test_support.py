@@ -19,9 +19,10 @@ from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import abilities_of
-from hapticeval.runner.judging import judge, make_renderer
+from hapticeval.runner.judging import judge
 from hapticeval.runner.results import read_results
 from hapticeval.scene import requirements
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.study.limits.loop import Place
 from hapticeval.study.limits.search import family_of, simulated_limit
 from hapticeval.suite.reading import load_suite

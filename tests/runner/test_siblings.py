@@ -16,17 +16,8 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
-from hapticeval.runner.judging import (
-    _answers_the_hip,
-    _end_of,
-    _finding,
-    _ran_away,
-    _SiblingRuns,
-    _verdicts,
-    _with_region,
-    error_verdicts,
-    judge,
-)
+from hapticeval.runner.judging import _end_of, _finding, _ran_away, _verdicts, _with_region, error_verdicts, judge
+from hapticeval.runner.siblings import SiblingRuns, _answers_the_hip
 from hapticeval.suite.reading import load_suite
 
 THESIS = load_suite("thesis")
@@ -53,7 +44,7 @@ class Asked(Spring):
 def siblings():
     Asked.asked = []
     scene = PRESS.build_scene()
-    return _SiblingRuns(Asked, scene, PRESS, "asked")
+    return SiblingRuns(Asked, scene, PRESS, "asked")
 
 
 def asked_last():
@@ -128,7 +119,7 @@ class TestOfAPath:
         class Declaring(Spring):
             resolution, standoff = 2e-3, 1e-3
 
-        runs = _SiblingRuns(Declaring, PRESS.build_scene(), PRESS, "declares").runs()
+        runs = SiblingRuns(Declaring, PRESS.build_scene(), PRESS, "declares").runs()
         meta = runs.moved(scaling(4.0, 2), (0.0, 0.0)).meta
         assert (meta["resolution"], meta["standoff"]) == (pytest.approx(0.5e-3), pytest.approx(0.25e-3))
 

@@ -12,8 +12,8 @@ from hapticeval.errors import DomainError, RefusalError, RendererError, describe
 from hapticeval.geometry.catalogue import cassinian, line
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import step_checked
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.closeup import Closeup

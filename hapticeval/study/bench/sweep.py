@@ -16,9 +16,9 @@ from hapticeval.errors import HapticevalError, InputError, RefusalError, Rendere
 from hapticeval.geometry.representations import triangulate_surface
 from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, Settings, choices_of, configured
-from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.study.bench.accuracy import (
     LEAST_ERROR_SHARE,
     PLANE_PATHS,

@@ -18,8 +18,8 @@ from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.effects.actuators import JointFriction
 from hapticeval.effects.sensors import Encoder
 from hapticeval.renderer import Renderer, RendererFactory
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.study.limits.loop import Place, Robot, loop_delay, robot_at
 from hapticeval.study.limits.search import finite_or_none, rests_after_release
 from hapticeval.types import Array

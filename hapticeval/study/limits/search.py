@@ -13,8 +13,8 @@ import numpy as np
 from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
 from hapticeval.renderer import Renderer, RendererFactory
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of, robot_at

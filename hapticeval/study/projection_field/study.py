@@ -15,8 +15,8 @@ from hapticeval.files import file_stem
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import Renderer, abilities_of, configured
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import reset_checked, step_checked
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path

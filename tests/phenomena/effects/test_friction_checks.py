@@ -16,8 +16,9 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.renderer import Response
-from hapticeval.runner.judging import judge, make_renderer
+from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path

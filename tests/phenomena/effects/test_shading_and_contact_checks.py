@@ -17,8 +17,9 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.transient import find_contacts, fit
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.runner.judging import judge, make_renderer
+from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 

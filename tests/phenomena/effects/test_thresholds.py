@@ -26,8 +26,8 @@ from hapticeval.phenomena.checks import texture
 from hapticeval.phenomena.checks.texture import Stretch, _mean_square_variance, find_stretches, spectrum_bound
 from hapticeval.phenomena.checks.transient import fit, judge_each
 from hapticeval.phenomena.verdict import Finding, Metric
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 

@@ -15,8 +15,8 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.measures.lag import delayed
-from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 
