@@ -90,6 +90,17 @@ def coarsest(values: Array) -> float:
     return max(map(quantization_step, values.T), default=0.0)
 
 
+def rounded_as(values: Array, source: Array) -> Array:
+    """Return values (n, k) rounded to what the columns of `source` (n, m) resolve, in whose unit they are.
+
+    Sums of quantized columns lie on no lattice, and would be taken for finer than what was measured.
+    """
+    if all(single_precision_step(column) > 0.0 for column in source.T):
+        return values.astype(np.float32).astype(np.float64)
+    step = coarsest(source)
+    return values if step == 0.0 else np.rint(values / step) * step
+
+
 def single_precision_step(values: Array) -> float:
     """The spacing of single precision at the largest number of a column (n,), in its unit (m, N, rad, ...).
 

@@ -15,6 +15,7 @@ from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.recordings.importing.convert import convert, export, is_ours, load
 from hapticeval.recordings.importing.mapping import clocks, parse_mapping, propose, read_mapping
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
+from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
 
 ROWS = 40
@@ -46,6 +47,35 @@ def test_units_signs_and_time_come_out_in_si():
     assert np.allclose(made.hip, np.column_stack([K * 1e-3, K * 3e-3]), atol=1e-15)
     assert made.meta["source"] == "file"
     assert made.signals["hip"].sign == "sign as mapped: [1, -1]"
+
+
+def test_vectors_in_turned_axes_come_into_those_of_the_model():
+    table = Table({"t": [0.0, 1.0], "x": [20.0, 106.6], "y": [50.0, 100.0], "z": [7.0, 9.0]})
+    # Of a file turned by 30 degrees, whose origin lies at (20, 50) mm.
+    hip = {"columns": ["x", "y"], "unit": "mm", "sign": 1, "offset": ["-20 mm", "-50 mm"]}
+    turned = converted(table, channels={"hip": {**hip, "axes": [[0.866, 0.5], [-0.5, 0.866]]}})
+    np.testing.assert_allclose(turned.hip, [[0.0, 0.0], [0.1, 0.0]], atol=2e-5)
+    flat = {"columns": ["x", "y", "z"], "unit": "mm", "sign": 1, "axes": [[0, 0, 1], [0, 1, 0]]}
+    assert converted(table, channels={"hip": flat}).hip == pytest.approx(np.array([[0.007, 0.05], [0.009, 0.1]]))
+
+
+@pytest.mark.parametrize("round_off", [lambda hip: hip.astype(np.float32), lambda hip: np.rint(hip / 2.5e-4) * 2.5e-4])
+def test_turned_vectors_are_as_coarse_as_their_columns(round_off):
+    angle = np.linspace(0.0, 3.0, 1000)
+    hip = round_off(np.column_stack([np.cos(angle), np.sin(angle)])).astype(float)
+    columns = {"t": angle, "x": hip[:, 0], "y": hip[:, 1]}
+    spec = {"columns": ["x", "y"], "unit": "m", "sign": 1, "axes": [[0.866, 0.5], [-0.5, 0.866]], "offset": "0.0123 m"}
+    turned = converted(Table(columns), channels={"hip": spec}, time__unit="s")
+    assert coarsest(turned.hip) == pytest.approx(coarsest(hip), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "axes", [[[0.87, 0.5], [0.5, 0.87]], [[1000.0, 0.0], [0.0, 1000.0]], [[1.0, 0.0, 0.0]], [[0, 1]] * 3]
+)
+def test_what_is_no_axes_of_a_vector_is_refused(refused, axes):
+    table = Table({"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0]})
+    with refused(InputError):
+        converted(table, channels={"hip": {"columns": ["x", "y"], "unit": "mm", "sign": 1, "axes": axes}})
 
 
 def test_a_torque_at_a_lever_is_a_force_and_an_angle_a_length():

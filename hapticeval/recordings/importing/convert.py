@@ -25,6 +25,7 @@ from hapticeval.recordings.hdf5 import (
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import BLOCK_MARK, MAGIC, recover
 from hapticeval.recordings.memory import first_bytes
+from hapticeval.recordings.quantization import rounded_as
 from hapticeval.recordings.recording import Clock, Recording, columns_of
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -239,7 +240,14 @@ def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamp
     # A vector keeps its second axis, (n, 1), even in one dimension.
     if len(columns) == 1 and source.signal.frame not in ("world", "joint"):
         return columns[0]
-    return np.column_stack(columns)
+    vectors = np.column_stack(columns)
+    if source.axes is None:
+        return vectors
+    # Before the offset, which hides how many digits a text has.
+    measured = np.column_stack(
+        [factor * table[column] for column, factor in zip(source.columns, source.factor, strict=True)]
+    )
+    return rounded_as(vectors @ source.axes.T, measured)
 
 
 def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: IntArray) -> Array:

@@ -43,8 +43,10 @@
     device = "rig 7"
 
 A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the
-channel's. Channels that hapticeval does not know state what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a
-log with a `[device]`, HIP, velocity and force follow from its joints and motors, where no column is mapped to them.
+channel's. Where the file's axes are turned against the model's, `axes = [[0.866, 0.5], [-0.5, 0.866]]` has the
+model's x and y in the axes of the file, and turns that vector. Channels that hapticeval does not know state what they
+are: `becomes` (an SI unit), `meaning`, `frame`. Of a log with a `[device]`, HIP, velocity and force follow from its
+joints and motors, where no column is mapped to them.
 
 `propose` makes a first mapping from the names of columns. What it does not know is `?`, which no conversion accepts.
 """
@@ -65,6 +67,7 @@ from hapticeval.documents import convert, read_toml
 from hapticeval.errors import HapticevalError, InputError, at
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.importing.units import parse_quantity, parse_unit
+from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
@@ -72,6 +75,9 @@ if TYPE_CHECKING:
 PROPOSAL_ADVICE = "see the head of a mapping that is proposed: hapticeval inspect FILE --write-mapping NEW.toml"
 
 NOT_STATED = "?"
+
+AXES_ROUNDING = 2e-3
+"""How far axes in three digits may be from unit vectors."""
 
 WIRED_CHANNELS = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
 """Channels that are known where there is a `[device]`, which gives the meaning of their numbers."""
@@ -101,7 +107,7 @@ class TimeBase(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Channel(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A channel as it stands in the file: a value is sign * column * unit * scale / divide + offset."""
+    """A channel as it stands in the file: a value is axes times sign * column * unit * scale / divide + offset."""
 
     columns: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
     unit: str
@@ -109,6 +115,7 @@ class Channel(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     scale: Quantity | None = None
     divide: Quantity | None = None
     offset: Quantity | Annotated[tuple[Quantity, ...], msgspec.Meta(min_length=1)] = 0.0
+    axes: Annotated[tuple[tuple[float, ...], ...], msgspec.Meta(min_length=1)] | None = None
     time: str | None = None
     resample: Literal["hold", "linear"] | None = None
     becomes: str | None = None
@@ -137,11 +144,16 @@ class Document(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from: `factor` and `offset` turn its columns into SI, component by component."""
+    """Where a channel comes from: `factor` and `offset` turn its columns into SI, component by component.
+
+    The rows of `axes` (m, n) are the m axes of the model, unit vectors, in the axes of the n columns; None where these
+    are the model's.
+    """
 
     columns: tuple[str, ...]
     factor: tuple[float, ...]
     offset: tuple[float, ...]
+    axes: Array | None
     signal: Signal
     time: str | None
     resample: str | None
@@ -207,7 +219,34 @@ def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> So
         )
     # A zero needs no unit; any other offset states its own.
     offset = tuple(0.0 if value == 0.0 else parse_quantity(value).to(signal.unit) for value in offsets)
-    return Source(spec.columns, tuple(int(sign) * factor for sign in signs), offset, signal, spec.time, spec.resample)
+    factors = tuple(int(sign) * factor for sign in signs)
+    return Source(spec.columns, factors, offset, _axes(spec, signal), signal, spec.time, spec.resample)
+
+
+def _axes(spec: Channel, signal: Signal) -> Array | None:
+    """Return the axes of the model in those of the columns, (m, n), at right angles and of length 1; None for the same.
+
+    Raises `InputError` where they are farther from that than three digits explain.
+    """
+    if spec.axes is None:
+        return None
+    count = len(spec.columns)
+    if signal.frame != "world" or {len(row) for row in spec.axes} != {count} or len(spec.axes) > count:
+        raise InputError(
+            f"axes = {[list(row) for row in spec.axes]} for {count} columns in the frame '{signal.frame}'",
+            why="a vector of the world is turned, by a row for each axis of the model, of a number for each column",
+            todo="write for instance axes = [[0.866, 0.5], [-0.5, 0.866]]: the model is turned by 30 degrees",
+        )
+    rows = np.array(spec.axes)
+    # The nearest rows at right angles, of length 1: the polar factor.
+    left, lengths, right = np.linalg.svd(rows, full_matrices=False)
+    if not np.allclose(lengths, 1.0, rtol=0.0, atol=AXES_ROUNDING):
+        raise InputError(
+            f"axes = {rows.tolist()} are no axes",
+            why="they are unit vectors at right angles to each other",
+            todo="give cosines and sines to three digits or more; a factor is for scale",
+        )
+    return np.asarray(left @ right)
 
 
 def _factor(unit: str, target: str, *, scale: Quantity | None = None, divide: Quantity | None = None) -> float:
@@ -409,7 +448,11 @@ def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> l
     units = {_unit(table, name) for name in columns}
     sign = 'sign = "?"  # 1 or -1'
     if ours or channel not in DIRECTED_CHANNELS:
-        sign = "sign = 1" if ours else "sign = 1  # the axes of the file are taken for those of the model"
+        sign = (
+            "sign = 1"
+            if ours
+            else "sign = 1  # the axes of the file are taken for those of the model; turned ones: axes = [[...], ...]"
+        )
     return [
         f"[channels.{channel}]  # {CHANNELS[channel].meaning} ({CHANNELS[channel].unit})",
         *(f"#   {_quoted(name)}: {_remark(table, name)}" for name in columns),

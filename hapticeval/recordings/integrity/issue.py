@@ -80,7 +80,7 @@ ADVICE: Mapping[str, str] = {
     "torque": "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
     "spring": "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
     "surface": "see the model and its frame; a renderer with a coarser representation declares its resolution",
-    "spring and surface": "see model, stiffness, damping and the frames of HIP and force; the log has no IHIP to "
+    "spring and surface": "see model, stiffness, damping and the axes of HIP and force; the log has no IHIP to "
     "separate them",
     "contact": "see the model, its size and its frame; a motor that is off or a force of something else does so too",
 }
