@@ -21,19 +21,16 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import OWN_TOOL, Recording
-from hapticeval.reports import case_data, write_reports
+from hapticeval.reports import case_data, thinning, write_reports
 from hapticeval.reports.canvas import THEME, looks_of
 from hapticeval.reports.case_data import (
     EYE_AXES,
     contact_events,
     drawable_recording,
     floats,
-    jump_rows,
     model_document,
     sample_tracks,
-    step_lengths,
     surface_motion,
-    thinned_rows,
 )
 from hapticeval.reports.case_figure import case_panels, panels_svg, plane_svg
 from hapticeval.reports.case_page import (
@@ -47,6 +44,7 @@ from hapticeval.reports.case_page import (
 )
 from hapticeval.reports.plane import solid_mesh
 from hapticeval.reports.templates import case_file, environment, evidence_words
+from hapticeval.reports.thinning import jump_rows, step_lengths, thinned_rows
 from hapticeval.runner.results import Measure, Problem, Refusal
 
 # What of a run is kept, and how it is packed.
@@ -104,7 +102,7 @@ def test_lines_between_the_samples_are_as_good_as_the_rest():
     for channel in ("hip", "force"):
         values = run.channels[channel]
         lines = np.column_stack([np.interp(time, time[rows], column[rows]) for column in values.T])
-        assert np.abs(lines - values).max() <= case_data.CHANNEL_TOLERANCE * np.ptp(values, axis=0).max()
+        assert np.abs(lines - values).max() <= thinning.CHANNEL_TOLERANCE * np.ptp(values, axis=0).max()
 
 
 def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_leads_across():
@@ -130,7 +128,7 @@ def test_between_jumps_the_steps_are_as_small_as_they_were():
     step = step_lengths(recording, recording.ihip)
     rows = thinned_rows([recording], [], 300)
     lines = np.interp(recording.time, recording.time[rows], step[rows])
-    assert np.abs(lines - step).max() <= case_data.CHANNEL_TOLERANCE * np.ptp(step)
+    assert np.abs(lines - step).max() <= thinning.CHANNEL_TOLERANCE * np.ptp(step)
 
 
 def test_runs_along_one_path_share_its_samples_and_their_place_in_the_data():
