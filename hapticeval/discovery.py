@@ -23,15 +23,14 @@ import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from hapticeval.errors import InputError, UnknownNameError, describe_error, renderer_errors
+from hapticeval.extras import by_name, entries_of
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
@@ -89,7 +88,7 @@ def parse(name: str) -> Name:
 def shipped_lists() -> list[Path]:
     """Return the files of known failures that installed packages have, in the order of their entry points' names."""
     files = []
-    for entry in sorted(entry_points(group=LISTS), key=lambda entry: entry.name):
+    for entry in sorted(entries_of(LISTS), key=lambda entry: entry.name):
         spec = find_spec(entry.module)
         for folder in (spec.submodule_search_locations or ()) if spec else ():
             files.append(Path(folder) / entry.attr)
@@ -98,20 +97,12 @@ def shipped_lists() -> list[Path]:
 
 def known_renderers() -> Mapping[str, EntryPoint]:
     """Return every installed entry point of the groups, by name, in alphabetical order."""
-    return _installed(tuple(sys.path), groups=(FIELD, RENDERER_GROUP))
+    return by_name((*entries_of(FIELD), *entries_of(RENDERER_GROUP)))
 
 
 def known_modifiers() -> Mapping[str, EntryPoint]:
     """Return every installed entry point of `MODIFIERS`, by name, in alphabetical order."""
-    return _installed(tuple(sys.path), groups=(MODIFIERS,))
-
-
-@lru_cache(maxsize=2)
-def _installed(folders: tuple[str, ...], *, groups: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001
-    # Keyed by sys.path: a test or a notebook that adds a folder sees its entry points too.
-    registered = [entry for group in groups for entry in entry_points(group=group)]
-    entries = sorted(registered, key=lambda entry: entry.name)
-    return MappingProxyType({entry.name: entry for entry in entries})
+    return by_name(entries_of(MODIFIERS))
 
 
 def own_renderers() -> tuple[str, ...]:

@@ -13,10 +13,11 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pkgutil import iter_modules
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error
+from hapticeval.extras import by_name, entries_of
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.pages import CheckPage, read_page
@@ -63,7 +64,7 @@ class Checks(Mapping[str, Check]):
     """Checks by id, ours first. Looking up an installed one that cannot be loaded raises `InputError`."""
 
     def __getitem__(self, name: str) -> Check:
-        # Ours first: the installed packages are looked through for other names only (20 ms).
+        # Ours first: the installed packages are looked through for other names only.
         return OWN_CHECKS[name] if name in OWN_CHECKS else _loaded(_installed()[name])
 
     def __contains__(self, name: object) -> bool:
@@ -79,9 +80,8 @@ class Checks(Mapping[str, Check]):
 
 def _installed() -> Mapping[str, EntryPoint]:
     """Return the entry points of others by name, in alphabetical order; none may replace a check of ours."""
-    entries = sorted(entry_points(group=CHECK_GROUP), key=lambda entry: entry.name)
     # An installed check of the name of one of ours is left out: a verdict's meaning is not to be replaced.
-    return {entry.name: entry for entry in entries if entry.name not in OWN_CHECKS}
+    return by_name(entry for entry in entries_of(CHECK_GROUP) if entry.name not in OWN_CHECKS)
 
 
 def _loaded(entry: EntryPoint) -> Check:

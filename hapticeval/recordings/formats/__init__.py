@@ -29,7 +29,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -38,6 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin, unreadable
+from hapticeval.extras import entries_of
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER_MARK, HEAD_BYTES, first_bytes, reserve
 
@@ -278,7 +278,7 @@ def formats() -> Mapping[str, Format]:
     """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
     for module in ("arrays", "matlab", "rosbag", "text"):
         import_module(f"{__name__}.{module}")
-    for entry in entry_points(group=FORMAT_GROUP):
+    for entry in entries_of(FORMAT_GROUP):
         with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):
             entry.load()
     # Other people's come first: delimited text, the last of ours, would fit many of their files.
