@@ -42,6 +42,7 @@ gc.disable()
 def pytest_collection_finish():
     """Leave what is loaded out of every collection of garbage, which would go through all of it."""
     gc.enable()
+    gc.set_threshold(20_000, 20, 20)  # there is little garbage in cycles: that of a module goes with it
     gc.collect()
     gc.freeze()
 

@@ -239,8 +239,8 @@ def _check_simple(array: Array) -> None:
     """Refuse outlines that pass a point twice, cross or touch themselves, enclose nothing, or run clockwise."""
     import shapely
 
-    _, numbers, counts = np.unique(array, axis=0, return_inverse=True, return_counts=True)
-    if counts.max() > 1:
+    if len(set(map(tuple, array.tolist()))) < len(array):
+        _, numbers, counts = np.unique(array, axis=0, return_inverse=True, return_counts=True)
         first, second = np.flatnonzero(numbers.ravel() == np.argmax(counts > 1))[:2]
         raise InputError(
             f"vertices {first} and {second} are the same point ({array[first, 0]:g}, {array[first, 1]:g})",

@@ -45,17 +45,17 @@ def force(scheme, scene, hip, velocity):
     spring = -k * n * normal
     stretch = 1.0 + n * kappa
     foot = along / stretch
+    match scheme:
+        case "pp":
+            return spring
+        case "pp-v":
+            return spring - d * velocity
+        case "pp-pd":
+            return spring - d * n_rate * normal
+        case "pp-d":
+            return spring - d * (velocity - foot)
     bend = -kappa * (along @ along) / stretch * normal + 2.0 * kappa * n_rate * foot
-    return (
-        spring
-        + {
-            "pp": 0.0 * spring,
-            "pp-v": -d * velocity,
-            "pp-pd": -d * n_rate * normal,
-            "pp-d": -d * (velocity - foot),
-            "set-stabilisation": -d * n_rate * normal + scene.mass * bend - scene.viscosity * stretch * foot,
-        }[scheme]
-    )
+    return spring + (-d * n_rate * normal + scene.mass * bend - scene.viscosity * stretch * foot)
 
 
 def run(scheme, scene, position, velocity, duration, dt, *, law=force, push=None):

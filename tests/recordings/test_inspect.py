@@ -27,12 +27,6 @@ def saved(path, channels, **meta):
     write_recording(path, Recording(np.arange(rows) * 1e-3, channels, {"dt": 1e-3, **meta}))
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """No picture, which takes ten times as long as all that is found; other tests look at it."""
-    monkeypatch.setattr("hapticeval.reports.spread_figure.write_integrity", lambda *_, **__: [])
-
-
 def inspected(capsys, *arguments):
     """The exit code of `hapticeval inspect`, and what it prints."""
     code = main(["inspect", *arguments])
@@ -57,7 +51,7 @@ def test_a_sound_recording_ends_with_0_and_a_picture_and_a_suspicious_one_with_1
     assert "left out: 1 row in 1 place: spike in hip.x" in shown
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("unpictured")
 @pytest.mark.parametrize(
     ("option", "words"),
     [
@@ -83,7 +77,7 @@ def pressed(rows=600, radius=0.05, stiffness=600.0):
     return {"hip": np.round((radius - depth)[:, None] * outward, 7), "force": np.round(force, 4)}
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("unpictured")
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -107,7 +101,7 @@ def test_without_an_ihip_hip_and_force_are_held_to_model_and_stiffness(here, cap
     )
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("unpictured")
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
@@ -191,7 +185,7 @@ def test_a_missing_column_suggests_the_closest(here, capsys):
     assert not (here / "a.h5").exists()
 
 
-def test_a_recording_is_converted_for_other_programs_and_back(here):
+def test_a_recording_is_converted_for_other_programs_and_back(unpictured, here):
     saved(here / "run.h5", smooth())
     for suffix in ("npz", "mat"):
         assert main(["convert", "run.h5", "-o", f"run.{suffix}"]) == 0

@@ -46,7 +46,7 @@ def test_one_wrong_byte_hides_no_journal(here):
     assert len(load(here / "hurt.journal")) == ROWS
 
 
-def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(here, capsys, monkeypatch):
+def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(unpictured, here, capsys, monkeypatch):
     monkeypatch.setattr(hdf5, "ROWS_A_CHUNK", 50)
     write_recording(here / "run.h5", run())
     data = (here / "run.h5").read_bytes()
@@ -71,7 +71,7 @@ def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(here, ca
     assert "salvage" not in capsys.readouterr().err
 
 
-def test_a_run_whose_loop_died_reports_so(here, capsys):
+def test_a_run_whose_loop_died_reports_so(unpictured, here, capsys):
     (here / "run.journal").write_bytes(b"".join(journal_of(run(), size=50, closed="the loop died")))
     assert main(["convert", "run.journal", "-o", "run.h5"]) == 1
     assert "ended: the loop died" in capsys.readouterr().out

@@ -189,7 +189,7 @@ def test_a_push_counts_only_where_the_tool_is_seen_to_move(quantum, known):
     assert (signed(hip, force, force_floor=0.3), signed(hip, -force, force_floor=0.3)) == (known, -known)
 
 
-def test_inspect_describes_it_and_ends_with_1(capsys):
+def test_inspect_describes_it_and_ends_with_1(unpictured, capsys):
     hip, force = pushed(WAY, stiffness=30.0, damping=8.0, noise=0.01)
     made = Recording(TIME, {"hip": hip, "force": force}, {"dt": DT})
     write_recording("right.h5", made)

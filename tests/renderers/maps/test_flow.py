@@ -31,7 +31,7 @@ def radius_after(velocity, radius, time):
 
 @pytest.mark.parametrize("velocity", ["curvature", "unit", "cap", "arc"])
 def test_a_circle_shrinks_by_its_law(velocity):
-    done = run_flow(circle(), FlowSettings(cells=80, velocity=velocity, lines=64))
+    done = run_flow(circle(), FlowSettings(cells=60, velocity=velocity, lines=64))
     radii = np.hypot(*np.moveaxis(done.points, -1, 0))
     expected = [radius_after(velocity, 0.1, time) for time in done.times]
     early = np.sqrt(done.areas / done.areas[0]) > 0.3
