@@ -55,17 +55,14 @@ class Twin:
         self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
         # The hand acts by its grip alone: the prescribed push, N, is zero.
         load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
-        self._motion, self._advance = motion_of(device, load, default_method()), advance
-        self._motors, self._apply_effects = (
-            hook_of(part for stage, part in parts if stage is Stage.COMMAND),
-            apply_effects,
-        )
+        self._motion = motion_of(device, load, default_method())
+        self._motors = hook_of(part for stage, part in parts if stage is Stage.COMMAND)
         # Torques, N m: as commanded; as the motors take them up in this cycle; and those before they do.
         self._command, self._held, self._before = np.zeros(size), np.zeros(size), np.zeros(size)
         self._count = 0
-        # Compile before time counts.
-        specialised(apply_effects, self._motors, 0, dt, self._held, self._before)
-        self._move(self.joints.copy(), self.rates.copy(), 0.0, 0.0, dt, np.zeros(size))
+        # Compiled before time counts, for these types alone: to look them up takes longer than to move.
+        self._apply_effects = specialised(apply_effects, self._motors, 0, dt, self._held, self._before)
+        self._advance = specialised(advance, self._motion, 0, 0.0, dt, self.joints, self.rates, self._held)
 
     def read(self) -> Reading:
         """Return the encoders after one more cycle; the first time where it started."""
