@@ -68,6 +68,7 @@ class Late(Good):
 """
 
 
+@pytest.mark.usefixtures("in_process")
 def test_known_failures_are_listed_excused_and_dropped(here, capsys):
     assert main([*JUMPS, "--write-known", "known.toml"]) == 0
     listed = read_known(here / "known.toml").entries

@@ -92,6 +92,7 @@ def test_nothing_is_written_over(here, capsys, suffix):
     assert theirs.read_bytes() == b"theirs"
 
 
+@pytest.mark.usefixtures("in_process")
 def test_a_replay_never_removes_the_recording_that_it_replays(undrawn, here):
     write_recording(here / "run.h5", run())
     assert main(["replay", "run.h5", "-r", "minimum-distance", "-o", "results"]) in (0, 1)

@@ -229,6 +229,7 @@ def test_a_model_that_is_not_known_costs_only_its_figure(folder, results):
     assert "pop-through <here>" in read(folder / "report" / case_file("synthetic", "lobe")).words
 
 
+@pytest.mark.system
 def test_any_number_of_processes_draws_the_same_pages_and_progress_is_told(folder, reported):
     told = []
     written = write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=2)

@@ -201,7 +201,7 @@ def test_a_run_that_was_killed_twenty_times_finds_what_it_would_have_found(here)
     killed_and_resumed(here, kills=20, cases=600)
 
 
-@pytest.mark.usefixtures("in_process")
+@pytest.mark.usefixtures("in_process", "undrawn")
 def test_the_command_resumes(here, capsys):
     some_of(here, 3)
     assert main(["run", "many.toml", *(f"-r{name}" for name in RENDERERS), "-o", "out", "--resume"]) in (0, 1)

@@ -288,6 +288,7 @@ def few_shrinks(monkeypatch):
         monkeypatch.setattr(f"hapticeval.search.hunt.{name}", 4)
 
 
+@pytest.mark.system
 def test_a_renderer_that_is_wrong_on_the_second_lap_alone_is_found_on_the_first_model(mine, monkeypatch):
     few_shrinks(monkeypatch)
     made = searched("mine:SecondLap", ["force-magnitude"], models=["star"], most=10)
@@ -392,6 +393,7 @@ def came_of(renderers, numbers, report, interrupted=lambda: False):
     return run_hunts(asked, numbers, **options, progress=lambda *_: None, report=report)
 
 
+@pytest.mark.system
 def test_an_error_of_one_seed_costs_nothing_of_the_others(mine, monkeypatch):
     search, said = seeds.run_hunt, []
 
@@ -418,6 +420,7 @@ def test_what_came_of_a_renderer_is_there_before_the_next_one_has_ended(mine):
     found.close()
 
 
+@pytest.mark.system
 def test_what_has_ended_before_an_interrupt_is_kept(mine):
     said = []
     found = list(came_of(["Nearest", "Mirrored"], [0, 1], said.append, lambda: len(said) >= 3))
