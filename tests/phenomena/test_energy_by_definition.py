@@ -12,16 +12,10 @@ from made import FAIL, PASS, UNDECIDED, changed, found, recorded
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.passivity import (
-    Gain,
-    Span,
-    _gain,
-    _judge_law,
-    _spends_store,
-    stored_before,
-)
+from hapticeval.phenomena.checks.passivity import _judge_law, _spends_store
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
 from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork
+from hapticeval.phenomena.measures.gained_work import Gain, Span, gain_over, stored_before
 
 ALONG = Span(1, 3, "since free space")
 
@@ -40,7 +34,7 @@ class TestGain:
         base = sums([5.0, 5.0, 6.0, 7.0], held=[1.0, 1.0, 3.0, 6.0])
         *coarser, last = ([7.0, 7.0, *(7.0 + np.array(work))] for work in works)
         runs = [base, *map(sums, coarser), sums(last, **finest)]
-        return _gain(runs, span, np.array(rounding), stored)
+        return gain_over(runs, span, np.array(rounding), stored)
 
     def test_a_lag_of_first_order_is_taken_off(self):
         """W = 2 + 4 h in the last row, and 1 + 4 h in the one before."""

@@ -24,6 +24,7 @@ from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import passivity
+from hapticeval.phenomena.measures import gained_work
 from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.verdict import Level
 from hapticeval.renderer import Declaration, Response, Spring, abilities_of
@@ -115,7 +116,7 @@ def test_holding_a_late_penalty_gains_l_and_a_half_times_k_times_the_squared_ste
     steps = np.linalg.norm(np.diff(path.sampled(dt)[1], axis=0), axis=1)[100:300]
     square = K * float(np.sum(steps**2))
     assert found.outcome is PASS
-    assert found.evidence["way"] == passivity.LAP
+    assert found.evidence["way"] == gained_work.LAP
     assert found.evidence["hold_J"] == pytest.approx(0.5 * square, rel=1e-2)
     assert found.evidence["lag_J"] == pytest.approx(lag * square, rel=1e-2, abs=1e-6)
 
@@ -205,7 +206,7 @@ def test_what_a_lap_creates_beyond_its_gap_is_seen():
     path = drifting_laps(2e-6, 0.18e-9)
     finding = judged_field(lambda p: -K * p + K * np.array([-p[1], p[0] - 0.01]), path)
     assert finding.outcome is FAIL
-    assert finding.evidence["way"] == passivity.LAP
+    assert finding.evidence["way"] == gained_work.LAP
 
 
 INTO_CONTACT = Path([0.0, 0.005, 0.01, 0.015], [[0.0, 1e-12], [0.0, 1e-12], [4e-8, -1e-12], [4e-8, -1e-12]])

@@ -18,17 +18,14 @@ from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
 from hapticeval.phenomena.checks.friction import _curvature
-from hapticeval.phenomena.checks.passivity import (
-    Span,
-    _largest_of_recent,
-    _since_free_space,
-)
+from hapticeval.phenomena.checks.passivity import _largest_of_recent, _since_free_space
 from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.measures.closed_paths import LapRun, contact_spans, laps, running_sums
 from hapticeval.phenomena.measures.crossings import worst_finding
+from hapticeval.phenomena.measures.gained_work import Span
 from hapticeval.phenomena.measures.jumps import (
     Remains,
     Scale,
