@@ -149,19 +149,19 @@ def unwritable(what: str, error: OSError) -> HapticevalError:
 
 def in_mm(point: Iterable[float]) -> str:
     """Return a point (m) as messages show it, for instance `(8.84, 64.7) mm`."""
-    return f"{_coordinates(1e3 * coordinate for coordinate in point)} mm"
+    return f"{coordinates(1e3 * coordinate for coordinate in point)} mm"
 
 
 def in_m(point: Iterable[float]) -> str:
     """Return a point (m) as messages about what someone wrote in metres show it, for instance `(0.05, 0) m`."""
-    return f"{_coordinates(point)} m"
+    return f"{coordinates(point)} m"
 
 
-def _coordinates(point: Iterable[float]) -> str:
+def coordinates(point: Iterable[float]) -> str:
     """Return six digits of each coordinate; one that is only rounding beside the largest is 0."""
-    coordinates = [float(coordinate) for coordinate in point]
-    largest = max((abs(coordinate) for coordinate in coordinates if math.isfinite(coordinate)), default=0.0)
-    digits = (f"{0.0 if abs(coordinate) <= 1e-14 * largest else coordinate:.6g}" for coordinate in coordinates)
+    numbers = [float(coordinate) for coordinate in point]
+    largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
+    digits = (f"{0.0 if abs(number) <= 1e-14 * largest else number:.6g}" for number in numbers)
     return f"({', '.join(digits)})"
 
 

@@ -14,7 +14,7 @@ from hapticeval.commands.arguments import argument, option
 from hapticeval.commands.summary import paint
 from hapticeval.commands.terminal import annotation, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import UnknownNameError
-from hapticeval.quantity import format_quantity, plural
+from hapticeval.quantity import format_number, format_quantity, plural
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import RESULTS_FILE, read_results
 
@@ -128,7 +128,7 @@ def _move_words(move: MarginMove) -> str:
     # `by` is the margin's change in bounds; a margin grows away from failing.
     direction = "nearer to failing" if move.by < 0.0 else "further from failing"
     values = f"{format_quantity(move.before, move.unit)}, now {format_quantity(move.now, move.unit)}"
-    return f"{move.metric} {values}: {abs(move.by):.3g} bounds {direction}"
+    return f"{move.metric} {values}: {format_number(abs(move.by), 3)} bounds {direction}"
 
 
 def _time_words(change: Change) -> str:

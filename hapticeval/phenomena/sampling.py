@@ -361,6 +361,11 @@ def digits_kept(change: float, size: float) -> float:
     return -math.log10(max(change / size, DOUBLE))
 
 
+def newtons(force: float, digits: int = 3) -> str:
+    """Return the size of a force (N) to so many digits, for a message: "2.4 N", "12,000 N"."""
+    return f"{format_number(force, digits)} N"
+
+
 def mm(*lengths: float) -> str:
     """Return a length (m), or a point, in millimetres to three digits, for a message: "1.5 mm", "(80, 12) mm"."""
     numbers = ", ".join(format_number(1e3 * float(length), 3) for length in lengths)

@@ -17,6 +17,7 @@ from hapticeval.errors import (
     InputError,
     RendererError,
     RunawayError,
+    coordinates,
     in_m,
     renderer_errors,
 )
@@ -249,7 +250,7 @@ def _recording_of(
 
 def _runaway_error(tick: int, hip: Array, joints: Array) -> RunawayError:
     return RunawayError(
-        f"the closed loop ran away: the next joint positions are {joints}",
+        f"the closed loop ran away: the next joint positions are {coordinates(joints)}",
         tick=tick,
         hip=hip,
         why="the renderer's force feeds energy into the device without end",

@@ -45,7 +45,7 @@ QUICK = 0.015
 """What takes longer to judge, s of the processor, is not asked once more."""
 MOST_NUMBERS = 60
 
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+NUMBER = re.compile(r"(?<![\w.])-?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 class Place(NamedTuple):
@@ -90,7 +90,7 @@ def flattened(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 def row_of(finding: Finding) -> Row:
     words = re.sub(r"\s+", "-", NUMBER.sub("#", finding.message))
-    said = {f"#{number}": float(text) for number, text in enumerate(NUMBER.findall(finding.message))}
+    said = {f"#{number}": float(text.replace(",", "")) for number, text in enumerate(NUMBER.findall(finding.message))}
     evidence = dict(flattened("", dict(finding.evidence)))
     bound = {} if finding.bound is None else {"bound": float(finding.bound)}
     metric = {} if finding.metric is None else {"metric": float(finding.metric.value)}

@@ -47,6 +47,12 @@ def test_a_tilted_force_fails_by_its_angle(tilt, side):
     assert finding.metric.value == pytest.approx(np.degrees(tilt), rel=1e-6)
 
 
+def test_hundreds_of_newtons_have_no_power_of_ten():
+    message = found("contact-normal-force", pressed(tilt=3.0, push=223.4), PLANE).message
+    assert "the force of 223 N" in message
+    assert "e+" not in message
+
+
 @given(gain=st.one_of(st.floats(0.1, 0.99), st.floats(1.01, 3.0)))
 @settings(max_examples=20)
 def test_a_force_of_the_wrong_size_at_rest_fails_by_the_difference(gain):

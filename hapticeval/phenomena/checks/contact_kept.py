@@ -18,6 +18,7 @@ from hapticeval.phenomena.sampling import (
     lacks_ihip,
     listed,
     mm,
+    newtons,
     resolution,
     time_and_hip,
     touching,
@@ -138,8 +139,8 @@ def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
     metric = Metric("force in free space", largest, "N")
     evidence = {**evidence_at(base, first), "kind": "haunts", "pushed_ticks": ticks}
     message = (
-        f"the hand feels {largest:.3g} N in free space, where the tool is at the hand: from t = {base.time[first]:.4g} "
-        f"s ({ticks} of {len(base)} ticks)"
+        f"the hand feels {newtons(largest)} in free space, where the tool is at the hand: from t = "
+        f"{base.time[first]:.4g} s ({ticks} of {len(base)} ticks)"
     )
     return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
 

@@ -24,6 +24,7 @@ from hapticeval.phenomena.sampling import (
     hip_step,
     log_step,
     mm,
+    newtons,
     resolution,
     rounding,
     standoff,
@@ -78,7 +79,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             if lag is not None and lag >= TELLING_SHARE
             else ""
         )
-        message = f"the force of {size:.3g} N {direction} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
+        message = (
+            f"the force of {newtons(size)} {direction} {angle:.3g} degrees ({newtons(aside, 2)}) off {where}{late}"
+        )
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""
     if declared > 0.0:

@@ -28,12 +28,14 @@ from hapticeval.phenomena.sampling import (
     lacks_ihip,
     log_step,
     mm,
+    newtons,
     rounding,
     standoff,
     time_and_hip,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
@@ -135,7 +137,7 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
     evidence = _evidence(base, scene, measured, worst)
     median = evidence["apparent_stiffness_N_m"]
     at_deepest = _describe_deepest(evidence, scene)
-    message = f"the force fits the depth, with an apparent stiffness of {median:.4g} N/m; {at_deepest}"
+    message = f"the force fits the depth, with an apparent stiffness of {format_number(median)} N/m; {at_deepest}"
     return Finding(Outcome.PASS, message, metric, bound, evidence, level)
 
 
@@ -159,8 +161,8 @@ def _evidence(base: Recording, scene: Scene, measured: ApparentStiffness, worst:
 
 def _describe_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
     return (
-        f"at the deepest {evidence['force_N']:.3g} N at {mm(evidence['depth_m'])}, where K = {scene.stiffness:g} N/m "
-        f"asks for {mm(evidence['depth_asked_m'])}"
+        f"at the deepest {newtons(evidence['force_N'])} at {mm(evidence['depth_m'])}, where K = {scene.stiffness:g} "
+        f"N/m asks for {mm(evidence['depth_asked_m'])}"
     )
 
 
@@ -170,12 +172,14 @@ def _failed_finding(
     tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
     evidence = _evidence(base, scene, measured, worst)
     pattern, numbers = describe_pattern(base, scene, measured, excess > 0.0)
-    low, median, high = (evidence[name] for name in ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m"))
+    names = ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m")
+    low, median, high = (format_number(evidence[name]) for name in names)
     force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
     message = (
-        f"{pattern}: an apparent stiffness of {scene.stiffness * share:.4g} N/m at {time_and_hip(base, tick)} (tick "
-        f"{tick}: {force:.3g} N at {mm(depth)}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in "
-        f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_describe_deepest(evidence, scene)}"
+        f"{pattern}: an apparent stiffness of {format_number(scene.stiffness * share)} N/m at "
+        f"{time_and_hip(base, tick)} (tick {tick}: {newtons(force)} at {mm(depth)}), of {median} in the median, and "
+        f"from {low} to {high} in nine tenths of the samples, for the scene's {scene.stiffness:g}; "
+        f"{_describe_deepest(evidence, scene)}"
     )
     return Finding(Outcome.FAIL, message, CHECK.measured(abs(share - 1.0)), bound, evidence | numbers)
 

@@ -18,6 +18,7 @@ from hapticeval.phenomena.measures.lag import force_lag, force_only_lag, with_ne
 from hapticeval.phenomena.measures.stiffness import declared_range, declares_wide_range, largest_other_force
 from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.quantity import format_number
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -333,7 +334,7 @@ def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array
 
 
 def _millijoules(energy: float) -> str:
-    return f"{1e3 * energy:.3g} mJ"
+    return f"{format_number(1e3 * energy, 3)} mJ"
 
 
 def _judge_fixed(base: Recording) -> Finding:

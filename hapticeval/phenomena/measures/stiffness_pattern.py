@@ -17,7 +17,8 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
 )
 from hapticeval.phenomena.measures.stiffness import ApparentStiffness
-from hapticeval.phenomena.sampling import above_force_floor, mm, worst_row
+from hapticeval.phenomena.sampling import above_force_floor, mm, newtons, worst_row
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -30,7 +31,7 @@ def describe_pattern(
     ticks, numbers = measured.ticks[deviates], {"share_off": float(deviates.mean())}
     if measured.begins[deviates].all():
         largest = float(np.linalg.norm(base.force[ticks], axis=1).max())
-        return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
+        return f"a kick where the contact begins or ends: up to {newtons(largest)}", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
     deviates = deviates[~measured.begins]
     constant = _low_pass_constant(base, scene, inner.ticks)
@@ -43,7 +44,7 @@ def describe_pattern(
         return quiet, numbers
     limit = _limit_of_force(base, inner.rows(deviates))
     if limit is not None:
-        return f"it levels off at {limit:.3g} N, however deep the hand is", numbers | {"limit_N": limit}
+        return f"it levels off at {newtons(limit)}, however deep the hand is", numbers | {"limit_N": limit}
     middle = float(np.median(inner.ratio))
     # The same everywhere: the spread is small beside the deviation.
     uniform = np.max(np.abs(inner.ratio - middle)) <= CAUSE_SHARE * abs(middle - 1.0)
@@ -56,10 +57,10 @@ def describe_pattern(
         return _describe_stretches(base, inner.ticks[deviates]), numbers | {"spikes": ticks.size}
     numbers |= {f"share_{key}": share for key, share in medians.items()}
     if uniform and middle < 0.0:
-        return f"it pulls where it should push, {abs(middle):.3g} times as hard", numbers
+        return f"it pulls where it should push, {format_number(abs(middle), 3)} times as hard", numbers
     if uniform:
         percent = abs(1e2 * (middle - 1.0))
-        return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", numbers
+        return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {format_number(percent, 3)} per cent", numbers
     if explained[cause] < CAUSE_SHARE:
         return "it scatters", numbers
     if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLING_SHARE:
