@@ -240,7 +240,8 @@ def describe_error(error: BaseException) -> str:
     """Return the type and the text of an exception of foreign code, whose text may not be readable or printable."""
     try:
         # Surrogates, as of undecodable file names, could not be printed or written.
-        text = str(error).encode("utf-8", "backslashreplace").decode()
+        # In one line, as all that stands before and after it.
+        text = "; ".join(line.strip() for line in str(error).splitlines()).encode("utf-8", "backslashreplace").decode()
     except (Exception, SystemExit) as unreadable:
         text = f"(its text cannot be read: {type(unreadable).__name__})"
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

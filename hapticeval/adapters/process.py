@@ -54,7 +54,10 @@ ANSWER_BYTES, NUMBER_BYTES = 1 << 20, 64
 """Bytes that an answer may have, and more for each number of a path: what prints without end is no answer."""
 
 EXCERPT_LENGTH = 300
-"""Characters of an odd answer, and of what the child wrote to stderr, that an error shows."""
+"""Characters of an odd answer that an error shows."""
+
+STDERR_LENGTH = 1000
+"""Bytes of what the child wrote to stderr that an error shows at the most: node says what is wrong 600 from the end."""
 
 
 @dataclass
@@ -203,14 +206,19 @@ class Child:
             self._process.wait(GRACE)
         code = self._process.poll()
         how = "closed its stdout" if code is None else f"ended: {describe_exit(code)}"
-        self.fail(f"{how}, with '{call}' to answer", todo="let it read messages until 'bye' or the end of its stdin")
+        todo = "let it read messages until 'bye' or the end of its stdin"
+        if call == "hello" and code:
+            todo = f"see in a shell whether it starts: {self.command}"
+        self.fail(f"{how}, with '{call}' to answer", todo=todo)
 
     def fail(self, what: str, *, why: str = "", todo: str = "") -> NoReturn:
         """End the child and raise `RendererError`, with the end of what it wrote to stderr."""
         _kill_child(self._process)
         size = self._errors.seek(0, os.SEEK_END)
-        self._errors.seek(max(size - EXCERPT_LENGTH, 0))
-        stderr_end = self._errors.read().decode(errors="replace").strip()
+        self._errors.seek(max(size - STDERR_LENGTH, 0))
+        # Whole lines, if the last is no longer than that.
+        cut, newline, lines = self._errors.read().decode(errors="replace").strip().partition("\n")
+        stderr_end = lines if size > STDERR_LENGTH and newline else f"{cut}{newline}{lines}"
         self._close()
         why = "; ".join(part for part in (why, stderr_end and f"its stderr ends: {stderr_end}") if part)
         self._failure = RendererError(f"the process '{self.command}' {what}", why=why, todo=todo)

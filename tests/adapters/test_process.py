@@ -162,6 +162,16 @@ def test_an_answer_that_makes_no_sense_ends_it(
     assert ("valve" in step) == ("its stderr ends: it is the valve" in raised.value.why)
 
 
+def test_whole_lines_of_a_thousand_bytes_of_stderr_are_shown(command: Callable[..., str]) -> None:
+    step = "sys.stderr.write('before\\n' * 100 + 'Error: the valve\\n' + 'x' * 300); sys.exit(1)"
+    renderer = make_process_renderer(command(step=step))
+    renderer.reset(np.zeros(2))
+    with pytest.raises(RendererError) as raised:
+        renderer.step(np.zeros(2), np.zeros(2), DT)
+    assert "Error: the valve\nxxx" in raised.value.why
+    assert raised.value.why.startswith("its stderr ends: before\n")
+
+
 @pytest.mark.parametrize("number", ["float('nan')", "None"])
 def test_an_answer_that_is_not_finite_is_handed_on(command: Callable[..., str], number: str) -> None:
     renderer = make_process_renderer(command(step=f"say(id=id, ihip=[{number}, 0], force=[0, 0])"))

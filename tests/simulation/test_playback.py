@@ -159,6 +159,10 @@ def test_a_text_that_no_file_can_take_is_escaped():
     assert describe_error(ValueError("\udcb5m")) == r"ValueError: \udcb5m"
 
 
+def test_the_text_of_an_exception_stands_in_one_line():
+    assert describe_error(ValueError("no such valve\n  at the pump\n")) == "ValueError: no such valve; at the pump"
+
+
 def test_a_renderer_with_a_step_is_asked_step_by_step_whatever_else_it_has():
     class Helped(Echo):
         def answer(self, hip):
