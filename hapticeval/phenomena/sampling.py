@@ -22,7 +22,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.quantity import format_number
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import quantization_step
-from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording, backward_difference, runs_of
+from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording, backward_difference, runs_of, single_rounding
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -146,6 +146,24 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
     return late
 
 
+def pushed_in_free_space(recording: Recording, scene: Scene) -> BoolArray:
+    """Return where a hand feels a force above the floor in free space, with the tool at it, (n,).
+
+    The IHIP is the HIP, so that no solid is between them, and the HIP is outside, both for three ticks either way: past
+    a corner the HIP may be outside long before the contact ends, and the force may come late.
+    """
+    pushed = np.zeros(len(recording), dtype=bool)
+    if "force" not in recording.channels:
+        return pushed
+    pushed = above_force_floor(recording, scene) & ~recording.apart
+    if not pushed.any():
+        return pushed
+    outside = scene.model.boundary.signed_distance(recording.hip) > across_allowed(recording, scene)
+    # All of seven ticks; before and after the recording nothing contradicts.
+    around = np.pad(outside & ~recording.apart, LAG_TICKS, constant_values=True)
+    return np.asarray(pushed & np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1))
+
+
 def holding(recording: Recording, scene: Scene) -> BoolArray:
     """Return where the surface holds a contact point, (n,): in contact, but for where only a late force lingers.
 
@@ -237,6 +255,16 @@ def standoff(recording: Recording, scene: Scene) -> float:
 def rounding(scene: Scene) -> float:
     """Return how well single precision places two points of the model's size, m."""
     return SINGLE_ROUNDINGS * SINGLE * scene.model.size
+
+
+def answered_rounding(recording: Recording) -> float:
+    """Return by how much rounding may move a contact point, m, that is answered in single precision; else 0.
+
+    It is so answered where each coordinate of an IHIP apart from its HIP is a number of single precision.
+    """
+    points = recording.ihip[recording.apart]
+    answers_singles = points.size > 0 and np.array_equal(points, points.astype(np.float32))
+    return single_rounding(points) if answers_singles else 0.0
 
 
 def log_step(recording: Recording, *channels: str) -> float:

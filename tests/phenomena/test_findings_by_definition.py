@@ -166,6 +166,18 @@ def test_a_drift_is_told_where_the_hand_does_not_explain_it():
     assert (finding.evidence["laps"], finding.evidence["ticks"]) == (4, 40)
 
 
+@pytest.mark.parametrize(("ulps", "outcome"), [(1, PASS), (12, FAIL)])
+def test_another_number_of_single_precision_is_no_drift(ulps, outcome):
+    """Four laps of ten rows about 1 cm: an ulp there is 0.93 nm, and 4 * 2^-23 of 1 cm is 4.8 nm."""
+    angle = 2.0 * np.pi * np.arange(41) / 10
+    hip = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 0.02]
+    single = (hip * [1.0, 0.0]).astype(np.float32)
+    single[30, 0] += ulps * np.spacing(single[30, 0])
+    ihip = single.astype(float)
+    finding = found("drift", recorded(hip, ihip, 1000.0 * (ihip - hip)), LINE)
+    assert finding.outcome is outcome, finding.message
+
+
 @pytest.mark.parametrize("free", ["forwards", "backwards"])
 def test_a_hand_that_is_met_on_one_of_two_ways_alone_has_two_answers(free):
     held = slide()

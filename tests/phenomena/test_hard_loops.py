@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -127,6 +128,17 @@ def moving(speed, *, away=0.0, keep=slice(None)):
 def test_what_is_below_any_digit_of_the_model_is_rest():
     assert found("comes-to-rest", moving(np.full(100, 1e-10)), CIRCLE).outcome is PASS
     assert found("comes-to-rest", moving(np.full(100, 1e-9)), CIRCLE).outcome is FAIL
+
+
+@pytest.mark.parametrize(("times", "single", "outcome"), [(0.9, True, PASS), (1.1, True, FAIL), (0.9, False, FAIL)])
+def test_a_spring_that_is_known_in_single_precision_swings_by_its_rounding(times, single, outcome):
+    """K = 1000 N/m, m = 0.1 kg: 100 rad/s times 4 * 2^-23 of the 0.1 m at which the tool rests."""
+    known = 4.0 * 2.0**-23 * float(np.float32(0.1))
+    speed = times * math.sqrt(CIRCLE.stiffness / CIRCLE.mass) * known
+    run = moving(np.full(100, speed))
+    ihip = np.tile([float(np.float32(0.1)) if single else 0.1, 0.0], (100, 1))
+    channels = {**run.channels, "hip": run.hip - np.array([1e-3, 0.0]), "ihip": ihip}
+    assert found("comes-to-rest", Recording(run.time, channels, dict(run.meta)), CIRCLE).outcome is outcome
 
 
 @pytest.mark.parametrize("row", range(9))

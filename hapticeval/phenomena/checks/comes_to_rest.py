@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, EARLY_SHARE, LATE_SHARE, QUIET_SAMPLES, RETURN_RATIO
-from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
+from hapticeval.phenomena.sampling import answered_rounding, evidence_at, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number
 from hapticeval.scene import Scene
@@ -44,7 +44,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     metric = CHECK.measured(after)
     # Below a speed of 1e-9 of the model's size a second it rests, whatever it did before.
-    bound = max(RETURN_RATIO * before, ANSWER_CHANGE * size)
+    rests = ANSWER_CHANGE * size
+    if "ihip" in base.channels:
+        # A spring K that knows its depth to r lets a mass m swing by r: at up to sqrt(K / m) r.
+        rests = max(rests, math.sqrt(scene.stiffness / scene.mass) * answered_rounding(base))
+    bound = max(RETURN_RATIO * before, rests)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
         reach_metric = Metric("largest distance from the surface", float(distance[farthest]), "m")
@@ -70,6 +74,7 @@ CHECK = Check(
     formula="y'(t) -> 0 for a push and a hand's place that stay the same",
     citation="thesis 2.6, (2.40), 8.2.4",
     channels=("hip", "velocity"),
+    reads_also=("ihip",),
     not_for={Situation.LED: "a hand led along a given path moves as it is led"},
     holds=True,
     needs_loop=True,

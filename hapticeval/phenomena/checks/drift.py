@@ -9,7 +9,15 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.measures.closed_paths import laps
-from hapticeval.phenomena.sampling import digits_kept, evidence_at, lacks_ihip, mm, touching, worst_row
+from hapticeval.phenomena.sampling import (
+    answered_rounding,
+    digits_kept,
+    evidence_at,
+    lacks_ihip,
+    mm,
+    touching,
+    worst_row,
+)
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.scene import Scene
 
@@ -38,8 +46,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         )
         hand_changes, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
-        # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift.
-        excess = np.maximum(changed - STEEP_FACTOR * hand_changes, 0.0)
+        # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift, nor what
+        # rounds to another number of single precision.
+        excess = np.maximum(changed - STEEP_FACTOR * hand_changes - answered_rounding(base), 0.0)
         # Without any drift the tick with the largest change is shown.
         row = worst_row(np.where(excess.max() > 0.0, excess, changed))
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
