@@ -297,8 +297,6 @@ class Zeroing(Spring):
 PRESSED = ("press-and-leave", "steady-push")
 
 STALE = "what is 16 ticks old"
-OFF = "an IHIP in contact that is off the surface"
-
 BROKEN: Mapping[str, Outsider] = {
     "internal-edges": Outsider(
         InternalEdges,
@@ -408,7 +406,6 @@ BROKEN: Mapping[str, Outsider] = {
         SpuriousContact,
         {
             "contact-kept": "5 N in free space",
-            "continuous-contact": OFF,
             "force-magnitude": "a kick where the contact begins",
         },
         ("hover",),
@@ -416,7 +413,7 @@ BROKEN: Mapping[str, Outsider] = {
     ),
     "force-of-old-contact": Outsider(
         ForceOfOldContact,
-        {"contact-kept": "a force in free space", "continuous-contact": OFF},
+        {"contact-kept": "a force in free space"},
         ("hover",),
         reported="github.com/newton-physics/newton issue 2885",
     ),

@@ -249,6 +249,31 @@ def test_a_force_that_is_dropped_is_not_called_a_tool_that_trails():
     assert "the force is dropped" in finding.message
 
 
+def test_a_tool_that_leaves_late_is_not_called_a_force_that_is_dropped():
+    """Contact ends 0.5 mm outside of a floor; the force is none from the surface on."""
+    floor = case(
+        "floor",
+        {"kind": "line"},
+        ("contact-kept",),
+        trajectory={"kind": "points", "points": [[0.0, 5e-3], [0.0, -2e-3], [0.0, 5e-3]], "duration": 0.4},
+    )
+
+    class Sticking(Changed):
+        def reset(self, hip):
+            super().reset(hip)
+            self.contact = False
+
+        def step(self, hip, velocity, dt):
+            self.contact = bool(hip[1] < (0.5e-3 if self.contact else 0.0))
+            force = super().step(hip, velocity, dt).force
+            return Response(hip * [1.0, 0.0], force) if self.contact else Response(hip, 0.0 * hip)
+
+    made = judge(lambda scene: Sticking(scene, resolve("minimum-distance")(scene)), "sticks", "any", floor)
+    finding = made.verdicts[0].finding
+    assert (finding.outcome, finding.evidence["kind"]) == (Outcome.FAIL, "stays"), finding.message
+    assert "the tool stays on the surface though its way to the hand is open" in finding.message
+
+
 def test_three_ticks_of_force_in_free_space_are_not_called_a_renderer_without_ihip():
     class Haunting(Changed):
         def reset(self, hip):

@@ -8,7 +8,6 @@ from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
     across_allowed,
     clear_of_surface,
     declares_force_only,
@@ -19,6 +18,7 @@ from hapticeval.phenomena.sampling import (
     listed,
     mm,
     newtons,
+    pushed_in_free_space,
     resolution,
     time_and_hip,
     touching,
@@ -118,19 +118,10 @@ def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where a hand in free space feels a force; None where none does, or nobody can know.
 
     It is asked of a renderer that gives a contact point elsewhere, or declares that it gives none.
-
-    The IHIP is the HIP, so that no solid is between them, and the HIP is outside, both for three ticks either way: past
-    a corner the HIP may be outside long before the contact ends, and the force may come late.
     """
-    if "force" not in base.channels or not (base.apart.any() or declares_force_only(base)):
+    if not (base.apart.any() or declares_force_only(base)):
         return None
-    pushed = above_force_floor(base, scene) & ~base.apart
-    if not pushed.any():
-        return None
-    outside = scene.model.boundary.signed_distance(base.hip) > across_allowed(base, scene)
-    # All of seven ticks; before and after the recording nothing contradicts.
-    around = np.pad(outside & ~base.apart, LAG_TICKS, constant_values=True)
-    pushed &= np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
+    pushed = pushed_in_free_space(base, scene)
     if not pushed.any():
         return None
     force = np.where(pushed, np.linalg.norm(base.force, axis=1), 0.0)
@@ -160,16 +151,20 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
     # A tool that the surface still holds is not in free space, though the hand is outside, as behind a plate.
     lies = float(np.abs(scene.model.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
     dropped = bool(touching(base, scene)[:worst].any()) and lies <= allowed[worst]
-    what = (
-        "the force is dropped: none, with the IHIP on the surface,"
-        if dropped
-        else ("the tool trails the hand in free space: no force, and the IHIP")
-    )
+    kind, grain = "dropped" if dropped else "trails", FINEST_GRAIN * scene.model.size
+    # From the surface its way to the hand may be open.
+    if dropped and follow(scene.model.boundary, base.ihip[worst], base.hip[worst], grain) is None:
+        kind = "stays"
+    what = {
+        "dropped": "the force is dropped: none, with the IHIP on the surface,",
+        "stays": "the tool stays on the surface though its way to the hand is open: no force, and the IHIP",
+        "trails": "the tool trails the hand in free space: no force, and the IHIP",
+    }[kind]
     message = (
         f"{what} {mm(distance[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
-    evidence = {**evidence_at(base, worst), "kind": "dropped" if dropped else "trails", "trailing_ticks": many}
+    evidence = {**evidence_at(base, worst), "kind": kind, "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 

@@ -50,6 +50,7 @@ from hapticeval.phenomena.sampling import (
     lacks_ihip,
     listed,
     mm,
+    pushed_in_free_space,
     rounding,
     standoff,
     time_and_hip,
@@ -125,8 +126,12 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     - to what begins a contact and to what ends it: a late tool is where the hand was before, and one that learns of an
       edge at the next sample has gone on past it;
     - to a rigid tool, which is the HIP: struck between two samples, it flies at one yet.
+
+    A tool that is at the hand in free space is right there, whatever the force: that is for contact-kept.
     """
     contact = holding(base, scene)
+    if base.apart.any():
+        contact &= ~pushed_in_free_space(base, scene)
     # A run that ends in contact does not end the contact.
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
     # In contact in all of the seven ticks around: not where a contact begins or ends.
