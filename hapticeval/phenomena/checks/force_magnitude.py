@@ -24,6 +24,7 @@ from hapticeval.phenomena.sampling import (
     as_sensed,
     declares_force_only,
     evidence_at,
+    force_depth,
     hand_velocity,
     lacks_ihip,
     log_step,
@@ -110,7 +111,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
 def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: Level) -> Finding:
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
     shares = declared_range(base) or UNDECLARED_RANGE
-    outside = measured.beyond(shares, measured.allowed_in_lag)
+    outside = _excess_felt(base, scene, measured, measured.beyond(shares, measured.allowed_in_lag))
     if any(effect.stage is Stage.ANSWER for effect in scene.effects):
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
     elif outside.size and outside.max() > 0.0:
@@ -127,7 +128,7 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
             "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
-    excess = measured.excess
+    excess = _excess_felt(base, scene, measured, measured.excess)
     worst = worst_row(excess)
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
@@ -139,6 +140,12 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
     at_deepest = _describe_deepest(evidence, scene)
     message = f"the force fits the depth, with an apparent stiffness of {format_number(median)} N/m; {at_deepest}"
     return Finding(Outcome.PASS, message, metric, bound, evidence, level)
+
+
+def _excess_felt(base: Recording, scene: Scene, measured: ApparentStiffness, excess: Array) -> Array:
+    """Return an `excess` (n,) that is none where depth and force are both below the floor, and nothing is felt."""
+    felt = above_force_floor(base, scene)[measured.ticks] | (measured.depth > force_depth(scene))
+    return np.where(felt, excess, np.minimum(excess, 0.0))
 
 
 def _evidence(base: Recording, scene: Scene, measured: ApparentStiffness, worst: int) -> dict[str, Any]:
