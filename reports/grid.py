@@ -209,7 +209,7 @@ def headline(results: ResultsDocument) -> str:
     broken = sum(run.error is not None for run in results.runs)
     # Incomplete runs have been dealt with: what is counted here did run.
     unexpected = len(results.stopping)
-    inherent = sum(verdict.standing is Standing.INHERENT for verdict in results.verdicts)
+    standings = Counter(verdict.standing for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = [f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
         unexpected
@@ -218,7 +218,9 @@ def headline(results: ResultsDocument) -> str:
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]
-    return ", ".join([*parts, *([f"{inherent:,} inherent"] * bool(inherent))])
+    # What fails and is accepted stands in the same line, so that nobody takes it for passed.
+    parts += [f"{standings[name]:,} {name}" for name in (Standing.KNOWN, Standing.INHERENT) if standings[name]]
+    return ", ".join(parts)
 
 
 def is_sound(results: ResultsDocument) -> bool:
