@@ -136,6 +136,15 @@ class Mesh(SurfaceInSpace):
 
         return angle_outside
 
+    def least_heights(self, points: Array) -> Array:
+        """Return the least height (n,), m, of the triangle that is closest to each of the points (n, 3), m."""
+        closest = [kernels.closest_feature(*self.tables, _triple(point), 0)[0] for point in points]
+        corners = self.vertices[self.triangles[closest]]
+        sides = np.roll(corners, -1, axis=1) - corners
+        # twice the area over the longest side
+        double_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        return np.asarray(double_area / np.linalg.norm(sides, axis=2).max(axis=1))
+
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
         """Answer `Boundary.descend` for `start` and `goal` (3,), m: exact, over faces and along edges."""
         k, feature, foot = kernels.closest_feature(*self.tables, _triple(start), 0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import circle, from_vertices, line
+from hapticeval.geometry.catalogue import circle, from_vertices, line, make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.impulsive_collision import _operator_until_met
 from hapticeval.phenomena.registry import CHECKS
@@ -37,6 +37,24 @@ def test_a_force_equal_to_the_operator_s_normal_component_passes():
     assert finding.outcome is PASS
     assert "equal at rest" in finding.message
     assert outcome("contact-normal-force", pressed(push=1e-6), PLANE) is UNDECIDED, "without a force"
+
+
+@pytest.mark.parametrize(("tilt", "single", "expected"), [(0.9, True, PASS), (1.1, True, FAIL), (0.9, False, FAIL)])
+def test_a_small_triangle_in_single_precision_tilts_by_the_rounding_of_its_corners(tilt, single, expected):
+    """The hand rests 20 mm under the middle of a triangle, whose least height is some 3 mm."""
+    scene = Scene(model=make_model(kind="icosphere", size=0.2, subdivisions=5), stiffness=1000.0)
+    mesh = scene.model.boundary
+    middle, normal = mesh.vertices[mesh.triangles[0]].mean(axis=0), mesh.normals[0]
+    number = np.float32 if single else np.float64
+    ihip = np.tile(middle.astype(number).astype(float), (30, 1))
+    aside = np.cross(normal, mesh.vertices[mesh.triangles[0, 0]] - middle)
+    aside /= np.linalg.norm(aside)
+    known = 4.0 * 2.0**-23
+    # Of corners and of depth, and 1e-6 rad.
+    angle = known * np.abs(ihip).max() / mesh.least_heights(middle[np.newaxis])[0] + known * 0.2 / 0.02 + 1e-6
+    force = 20.0 * (np.cos(tilt * angle) * normal + np.sin(tilt * angle) * aside)
+    run = recorded(ihip - 0.02 * normal, ihip, np.tile(force, (30, 1)))
+    assert outcome("contact-normal-force", run, scene) is expected
 
 
 @given(tilt=st.floats(1e-3, 3.0), side=st.sampled_from([-1, 1]))

@@ -12,12 +12,14 @@ from hapticeval.devices.device import heaviest_mass
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import JOINT_FRICTION, SATURATION
 from hapticeval.effects.effect import Alters
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
 from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, resting_ticks
 from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.sampling import (
     above_force_floor,
+    answered_rounding,
     believed_standoff,
     evidence_at,
     force_depth,
@@ -273,7 +275,7 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
     force that is there without a depth was not built so, and has the rounding of its own components only.
 
     Each component of a force that a log gives in steps of q is off by up to q / 2; a force of a declared resolution, by
-    as much to any side.
+    as much to any side. Who answers in single precision may have the corners of a triangle in it.
     """
     depth = _least_depth(recording, pressed_rows)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
@@ -282,10 +284,23 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
         ANGLE_ROUNDING
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
         + _resolution_angle(recording, scene, pressed_rows)
+        + _corner_rounding_angle(recording, scene, pressed_rows)
     )
     # Aside by a declared quantum, or by half a step of a log in every component.
     sizes = np.linalg.norm(recording.force[pressed_rows], axis=1)
     return np.asarray(angle + np.arcsin(np.minimum(force_coarseness(recording, sizes) / sizes, 1.0)))
+
+
+def _corner_rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
+    """Return the angle (n,), rad, by which the triangle under each IHIP tilts where its corners are rounded.
+
+    That is the rounding over the least height, of a renderer that answers in single precision; 0 of others.
+    """
+    rounded, mesh = answered_rounding(recording), scene.model.boundary
+    if rounded == 0.0 or not isinstance(mesh, Mesh):
+        return np.zeros(pressed_rows.size)
+    heights = mesh.least_heights(recording.ihip[pressed_rows])
+    return np.asarray(np.arctan2(rounded, heights))
 
 
 def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | str:
