@@ -51,7 +51,7 @@ def _parse_quantity(text: str, units: Mapping[str, float], option: str, example:
 
 def format_number(value: float, digits: int = 4) -> str:
     """Format a number, as in `0.83`, `1450`, `120,000`; with a power of ten from 1e6 on and below 1e-4 only."""
-    text = f"{value:.{digits}g}"
+    text = f"{value + 0.0:.{digits}g}"  # a sum: -0.0 is 0
     # The format "g" turns to powers of ten at once beyond the digits: 120,000 at four digits is 1.2e+05.
     mantissa, e, power = text.partition("e")
     if not e:

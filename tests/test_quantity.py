@@ -47,7 +47,7 @@ def test_the_unit_suits_the_size():
 @pytest.mark.parametrize(
     ("value", "digits", "text"),
     [(109.3, 2, "110"), (-1234.0, 2, "-1200"), (99_999.0, 2, "100,000"), (1e5, 4, "100,000"), (8336.6, 4, "8337"),
-     (1e6, 4, "1e6"), (1e-9, 4, "1e-9"), (0.000123, 2, "0.00012"), (0.0, 4, "0"), (math.inf, 3, "inf")],
+     (1e6, 4, "1e6"), (1e-9, 4, "1e-9"), (0.000123, 2, "0.00012"), (0.0, 4, "0"), (-0.0, 4, "0"), (math.inf, 3, "inf")],
 )  # fmt: skip
 def test_a_number_has_no_power_of_ten_where_people_write_it_out(value, digits, text):
     assert format_number(value, digits) == text
