@@ -78,6 +78,12 @@ def test_no_text_is_smaller_than_eleven_pixels(opened, name, width):
     assert json.loads(opened(name, width=width).run(SMALL_TEXT)) == []
 
 
+@pytest.mark.parametrize("name", ["summary", "reading"])
+def test_a_page_s_first_words_stand_clear_of_its_header(opened, name):
+    bottom, top = "document.querySelector('header').getBoundingClientRect().bottom", "p.getBoundingClientRect().top"
+    assert opened(name).run(f"(p => {top} - {bottom})(document.querySelector('main p'))") >= 15
+
+
 def test_on_a_phone_the_whole_grid_is_in_sight(opened):
     browser = opened("first", width=390, height=844)
     tiles = "[...document.querySelectorAll('#phenomena .tile')]"
