@@ -315,8 +315,7 @@ def force_floor(scene: Scene) -> float:
 
 def above_force_floor(recording: Recording, scene: Scene) -> BoolArray:
     """Return where the force is above the floor of `force_floor`: (n,)."""
-    strong: BoolArray = np.linalg.norm(recording.force, axis=1) > force_floor(scene)
-    return strong
+    return np.asarray(lengths_of(recording.force) > force_floor(scene))
 
 
 def lacks_ihip(recording: Recording, scene: Scene) -> bool:

@@ -176,14 +176,11 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     from hapticeval.compiled import specialised
     from hapticeval.simulation import kernels
 
-    sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
+    act_and_sense = specialised(kernels.act_and_sense, loop, 0)
     out, joints = loop.out, loop.state.joints
     hips, velocities, pushes = out.measured_hip, out.measured_velocity, out.measured_force
     observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
-    for tick in range(out.hip.shape[0]):
-        # `loop_of` has sensed the first tick
-        if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
-            return _end_of_run(tick, _outside_error(device, joints))
+    for tick in range(out.hip.shape[0]):  # `loop_of` has sensed the first one
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
@@ -193,8 +190,11 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
         except DomainError as error:
             return _end_of_run(tick, error)
         out.contact[tick, 0] = reported_contact(renderer)
-        if act(loop, tick) != kernels.DONE:
+        status = act_and_sense(loop, tick)
+        if status == kernels.RAN_AWAY:
             return _end_of_run(tick, _runaway_error(tick, out.hip[tick], joints))
+        if status == kernels.OUTSIDE:
+            return _end_of_run(tick + 1, _outside_error(device, joints))
     return None
 
 

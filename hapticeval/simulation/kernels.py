@@ -299,6 +299,18 @@ def note_contact(reported: Array | None, loop: Loop, tick: int) -> None:
 
 
 @borrowing
+def act_and_sense(loop: Loop, tick: int) -> int:
+    """Act in a tick and sense the next one, where there is one: what lies between two answers of a renderer in Python.
+
+    In one call, for it takes longer to hand a loop over than to carry it on.
+    """
+    status = act(loop, tick)
+    if status != DONE or tick + 1 == loop.out.hip.shape[0]:
+        return status
+    return sense(loop, tick + 1)
+
+
+@borrowing
 def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int, int]:
     """Run all ticks with a compiled law; return the tick that the run ended at, how, and the law's number there."""
     out, dt = loop.out, loop.motion.load.dt
