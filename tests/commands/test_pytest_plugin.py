@@ -5,9 +5,12 @@ import io
 import pytest
 
 import hapticeval
+from hapticeval import pytest_plugin
 from hapticeval.cli import main
 
 pytest_plugins = "pytester"
+
+DRAW_PICTURE = pytest_plugin._draw_picture
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,11 +47,12 @@ FLAT = "hapticeval::slides::flat"
 
 @pytest.fixture
 def folder(pytester, here, monkeypatch):
-    """Pytest's own temporary folder, with the suite and the renderers of `here`."""
+    """Pytest's own temporary folder, with the suite and the renderers of `here`; no picture is drawn."""
     for file in ("local_mine.py", "slides.toml"):
         (pytester.path / file).write_text((here / file).read_text())
     monkeypatch.chdir(pytester.path)
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.setattr(pytest_plugin, "_draw_picture", lambda *_: "not drawn")
     pytester.syspathinsert(pytester.path)
     return pytester
 
@@ -67,7 +71,8 @@ def test_an_item_a_verdict(folder):
     ]
 
 
-def test_what_fails_shows_metric_bound_place_and_picture(folder):
+def test_what_fails_shows_metric_bound_place_and_picture(folder, monkeypatch):
+    monkeypatch.setattr(pytest_plugin, "_draw_picture", DRAW_PICTURE)
     result = folder.runpytest(*JUMPS, "--hapticeval-select", "flat", "-v")
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(
