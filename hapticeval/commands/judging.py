@@ -221,7 +221,7 @@ def run(
         try:
             return results.write_known(write_known)
         except HapticevalError as error:
-            error.todo = error.todo or f"give another file; with --resume -o {directory} nothing is judged again"
+            error.todo = "; ".join(filter(None, (error.todo, f"with --resume -o {directory} nothing is judged again")))
             raise
 
     # Once, or again after each change with --watch.

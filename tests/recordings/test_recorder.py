@@ -1,5 +1,6 @@
 """The live recorder against what ends recordings: a slow writer, a dead one, a killed loop, a full disk."""
 
+import gc
 import os
 import resource
 import signal
@@ -268,6 +269,7 @@ def test_appending_takes_no_memory_beyond_what_was_there_at_the_start(tmp_path):
         tracemalloc.reset_peak()
         for _ in range(20_000):
             recorder.append(hip, force)
+        gc.collect()
         after, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     # a row is 48 bytes: keeping each would take 960 kB; a call's own few numbers come and go
