@@ -20,7 +20,7 @@ from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, Ru
 from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
-from hapticeval.runner.results import RunKey
+from hapticeval.runner.results import RunKey, read_results
 from hapticeval.runner.resuming import Outcomes
 from hapticeval.runner.work import Work, carry_out, derived_seed, finished_by_end, finished_by_timeout, run_job
 from hapticeval.suite.suite import files_of
@@ -74,7 +74,8 @@ def execute(
                 outcomes.clear()
             execution = _Execution(plan, crew, outcomes, interrupts, earlier_jobs or {})
             yield execution.opening()
-            execution.progress = Progress(plan)
+            earlier_seconds = read_results(output).timing.wall_seconds if output and earlier_jobs else 0.0
+            execution.progress = Progress(plan, earlier_seconds=earlier_seconds)
             cut_by: BaseException | None = None
             try:
                 # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.

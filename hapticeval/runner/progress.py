@@ -45,8 +45,9 @@ RUNNING = "still running, or killed"
 class Progress:
     """Takes judged jobs in the order of the plan, and keeps results.json up to date."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, *, earlier_seconds: float = 0.0) -> None:
         self.plan = plan
+        self.earlier_seconds = earlier_seconds  # that the run took before it was resumed
         self.directory = plan.options.output
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
@@ -97,7 +98,7 @@ class Progress:
             suites=self.suites,
             date=self.date,
             commits=self.commits,
-            timing=timing(self.runs, begun - self.started),
+            timing=timing(self.runs, self.earlier_seconds + begun - self.started),
         )
         if self.directory is not None:
             write_results(self.directory, results)

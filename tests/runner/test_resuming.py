@@ -63,6 +63,13 @@ def test_what_was_finished_is_not_run_again_and_the_rest_is(here):
     assert many_jobs.found(folder) == whole
 
 
+def test_what_a_resumed_run_took_counts_what_it_took_before(here):
+    before = run("out").document.timing
+    timing = run("out", resume=True).document.timing
+    assert timing.simulated_seconds == before.simulated_seconds
+    assert timing.wall_seconds >= before.wall_seconds
+
+
 @pytest.mark.parametrize("tail", [b'{"run": {"suite": "many", "ca', b"\n\n{}\n", b"\xff\x00\n"])
 def test_a_line_that_was_cut_or_damaged_is_no_outcome(here, tail):
     whole = many_jobs.found(run("whole").folder)
