@@ -173,8 +173,8 @@ def _interval_minimum(piece: Array, samples: Array, i: int, x: float, y: float) 
     ax, ay, bx, by = a.x - x, a.y - y, b.x - x, b.y - y
     # half the squared distance's slopes and second derivatives at both rows, from the table
     slope_a, slope_b = ax * a.dx + ay * a.dy, bx * b.dx + by * b.dy
-    second_a = a.dx**2 + a.dy**2 + ax * a.ddx + ay * a.ddy
-    second_b = b.dx**2 + b.dy**2 + bx * b.ddx + by * b.ddy
+    second_a = a.dx * a.dx + a.dy * a.dy + ax * a.ddx + ay * a.ddy
+    second_b = b.dx * b.dx + b.dy * b.dy + bx * b.ddx + by * b.ddy
     low, high = a.u, b.u
     # the slope changes its sign: one minimum, looked for from the root of its cubic
     if slope_a <= 0.0 < slope_b:
