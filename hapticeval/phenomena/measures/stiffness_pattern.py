@@ -38,7 +38,7 @@ def describe_pattern(
     if constant is not None:
         filtered = f"it comes late by {1e3 * constant:.3g} ms, as behind a low-pass filter"
         return filtered, numbers | {"low_pass_ms": 1e3 * constant}
-    damping = _damping_beside(scene, inner)
+    damping = _fit_damper(scene, inner)
     if damping is not None:
         damped = f"it is damped by {damping:.3g} N s/m, where the scene has K_d = {scene.damping:g} N s/m"
         return damped, numbers | {"damping_N_s_m": damping}
@@ -102,7 +102,7 @@ def _limit_of_force(base: Recording, deviating: ApparentStiffness) -> float | No
     return float(sizes.max()) if depth_spread > TELLING_SHARE**2 and levels_off else None
 
 
-def _damping_beside(scene: Scene, measured: ApparentStiffness) -> float | None:
+def _fit_damper(scene: Scene, measured: ApparentStiffness) -> float | None:
     """Return the damper b (N s/m), above the scene's, of a force max(K d + b d', 0), d' being the rate of the depth d.
 
     By least squares, where the force pushes at all. None where more than a tenth of |F - K d|^2 is left by that, or in
@@ -110,15 +110,15 @@ def _damping_beside(scene: Scene, measured: ApparentStiffness) -> float | None:
     """
     pushes = measured.ratio > 0.0
     spring, rate = scene.stiffness * measured.depth, measured.rate
-    beside = ((measured.ratio - 1.0) * spring - scene.damping * rate)[pushes]
-    power, common = float(np.sum(rate[pushes] ** 2)), float(np.sum(beside * rate[pushes]))
+    unexplained = ((measured.ratio - 1.0) * spring - scene.damping * rate)[pushes]
+    power, common = float(np.sum(rate[pushes] ** 2)), float(np.sum(unexplained * rate[pushes]))
     if common <= 0.0:
         return None
-    # |beside - b d'|^2 at the b that makes it least is |beside|^2 less common^2 / power.
+    # At the best b' = common / power what is left of it, less b' d', is |unexplained|^2 - common^2 / power.
     damping = scene.damping + common / power
     missing = np.maximum(spring + damping * rate, 0.0)[~pushes]
-    left = float(np.sum(beside**2)) - common**2 / power + float(np.sum(missing**2))
-    return damping if left <= TELLING_SHARE * float(np.sum(beside**2)) else None
+    residual = float(np.sum(unexplained**2)) - common**2 / power + float(np.sum(missing**2))
+    return damping if residual <= TELLING_SHARE * float(np.sum(unexplained**2)) else None
 
 
 def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:
