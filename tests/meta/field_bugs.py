@@ -303,7 +303,6 @@ BROKEN: Mapping[str, Outsider] = {
         {
             "seams": "other edges, other kicks",
             "contact-normal-force": "a force aside at an edge within a face",
-            "force-magnitude": "a part of it is aside",
         },
         ("across-many-angles",),
         reported="github.com/bulletphysics/bullet3 issue 288; dimforge/rapier issue 95",

@@ -309,6 +309,22 @@ ONE_WAY = Path([0.0, 0.1, 4.0], [[0.0, 4e-3], [0.0, -4e-3], [0.02, -4e-3]])
 SHORT_WAY_OUT = Path([0.0, 0.8, 0.84], [[0.0, 4e-3], [0.0, -4e-3], [0.0, 4e-3]])
 
 
+def leaning(lean):
+    """A fault: the force is turned by so many rad, about the z axis in space."""
+    turn = np.eye(3)
+    turn[:2, :2] = [[math.cos(lean), -math.sin(lean)], [math.sin(lean), math.cos(lean)]]
+    return lambda tick: (tick.ihip, turn[: tick.force.size, : tick.force.size] @ tick.force)
+
+
+@pytest.mark.parametrize("lean", [0.3, 1.05, 1.5])
+def test_the_size_of_a_force_is_right_whatever_its_direction_and_a_pull_is_not(lean):
+    for turned, expected in ((lean, PASS), (math.pi - lean, FAIL)):
+        assert (
+            found("force-magnitude", runs(spoiled(leaning(turned), honest.Spring), path=TO_AND_FRO), PLANE).outcome
+            is expected
+        )
+
+
 SIZED = {
     **force_sizes.FAULTS,
     "weak-stretch": scaled(lambda tick: 0.5 if 1000 <= tick.number < 1057 else 1.0),

@@ -150,6 +150,9 @@ class TestStiffness:
         assert along == pytest.approx(force * math.cos(angle) / depth / 1000.0)
         across = _stiffness_share(pull, error, 1000.0, Spring.NORMAL)[0]
         assert across == pytest.approx(force / (depth * math.cos(angle)) / 1000.0)
+        of_any_direction, pulling = (_stiffness_share(way * pull, error, 1000.0, None)[0] for way in (1.0, -1.0))
+        assert of_any_direction == pytest.approx(force / depth / 1000.0)
+        assert pulling == -of_any_direction
 
     def test_without_a_depth_there_is_no_share(self):
         assert np.isnan(_stiffness_share(np.ones((1, 2)), np.zeros((1, 2)), 1000.0, Spring.ERROR)).all()

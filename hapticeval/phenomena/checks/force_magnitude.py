@@ -56,10 +56,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not depths[above_force_floor(base, scene)].any():
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
-    springs = tuple(Spring) if declared is None else (Spring(declared),)
-    # Both laws where none is declared: along the error, and across the surface.
+    # Where no law is declared: along the error, across the surface, and by size alone, as of normals that are shaded.
+    springs = (*Spring, None) if declared is None else (Spring(declared),)
     measured = [measure_stiffness(base, scene, spring) for spring in springs]
-    # One who does not declare a law is measured by the one that fits better.
+    # One who does not declare a law is measured by the one that fits best.
     finding = _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
     if not declares_wide_range(base):
         return finding

@@ -71,10 +71,11 @@ def declares_wide_range(base: Recording) -> bool:
     return stiffest > WIDE_RANGE * softest
 
 
-def measure_stiffness(base: Recording, scene: Scene, spring: Spring) -> ApparentStiffness:
+def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> ApparentStiffness:
     """Measure the stiffness in each tick that calls for a force, and its ends over all lags that may explain it.
 
-    `spring` says whether the law is along the error or across the surface.
+    `spring` says whether the law is along the error or across the surface; None is for a force of any direction, of
+    which the size alone counts.
     """
     pressing = _calls_for_force(base, scene)
     now = np.flatnonzero(pressing)
@@ -177,40 +178,43 @@ def _calls_for_force(base: Recording, scene: Scene) -> BoolArray:
     return pressing
 
 
-def _sure_depth(base: Recording, scene: Scene, spring: Spring) -> Array:
+def _sure_depth(base: Recording, scene: Scene, spring: Spring | None) -> Array:
     """Return how deep the hand is by HIP and IHIP and by the model, whichever is less, (n,), m.
 
     A spring across the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
     """
     boundary, error = scene.model.boundary, base.hip - base.ihip
-    if spring is Spring.ERROR:
-        depth = np.linalg.norm(error, axis=1)
-    else:
+    if spring is Spring.NORMAL:
         # Along the normal at the IHIP; nothing above its tangent plane.
         depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
+    else:
+        depth = np.linalg.norm(error, axis=1)
     return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
 
 
-def _depth_direction(force: Array, error: Array, spring: Spring) -> tuple[Array, Array]:
+def _depth_direction(force: Array, error: Array, spring: Spring | None) -> tuple[Array, Array]:
     """Return the unit direction (n, N) in which depth is measured, and the depth (n,), m; zero where there is none.
 
     Along the error (n, N), m, or against the force (n, N), N, which is across the surface.
     """
-    direction = error if spring is Spring.ERROR else -force
+    direction = -force if spring is Spring.NORMAL else error
     size = np.linalg.norm(direction, axis=1)
     unit = np.divide(direction, size[:, np.newaxis], out=np.zeros_like(direction), where=size[:, np.newaxis] > 0.0)
     return unit, np.abs(np.sum(unit * error, axis=1))
 
 
-def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring) -> Array:
+def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring | None) -> Array:
     """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface.
 
-    F is (n, N), N, and e = HIP - IHIP (n, N), m; not a number where there is nothing to divide by.
+    Of a force of any direction it is |F| / |e|, negative where it pulls. F is (n, N), N, and e = HIP - IHIP (n, N), m;
+    not a number where there is nothing to divide by.
     """
     push = -np.sum(force * error, axis=1)
     numerator, denominator = push, np.sum(error**2, axis=1)
-    if spring is not Spring.ERROR:
+    if spring is Spring.NORMAL:
         numerator, denominator = np.sum(force**2, axis=1), push
+    if spring is None:
+        numerator = np.copysign(np.linalg.norm(force, axis=1) * np.linalg.norm(error, axis=1), push)
     share = np.full(push.size, np.nan)
     return np.asarray(np.divide(numerator, stiffness * denominator, out=share, where=denominator != 0.0))
 
