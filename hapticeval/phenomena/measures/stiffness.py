@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WIDE_RANGE
 from hapticeval.phenomena.measures.lag import delayed, find_lag
-from hapticeval.phenomena.sampling import above_force_floor, hand_velocity, log_step, standoff, touching
+from hapticeval.phenomena.sampling import (
+    above_force_floor,
+    hand_velocity,
+    log_step,
+    once_a_recording,
+    standoff,
+    touching,
+)
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import STIFFNESS_LIMITS, Spring
 from hapticeval.scene import Scene
@@ -71,18 +79,40 @@ def declares_wide_range(base: Recording) -> bool:
     return stiffest > WIDE_RANGE * softest
 
 
+class PressedTicks(NamedTuple):
+    """What is measured of the ticks that call for a force, whatever law their spring has.
+
+    - `pressing` (rows,): which these are of all ticks, and `ticks` (n,) their numbers.
+    - `errors`: HIP less IHIP, m, by all lags, see `_errors_within_lag`.
+    - `bending` (n,), N: the force that the curvature may add, see `_curvature_force`.
+    """
+
+    pressing: BoolArray
+    ticks: IntArray
+    errors: list[Array]
+    bending: Array
+
+
+@once_a_recording
+def _pressed_ticks(base: Recording, scene: Scene) -> PressedTicks:
+    """Find the ticks that call for a force, once for all laws."""
+    pressing = _calls_for_force(base, scene)
+    ticks = np.flatnonzero(pressing)
+    bending = _curvature_force(base, scene, hand_velocity(base), ticks)
+    return PressedTicks(pressing, ticks, _errors_within_lag(base, scene, ticks), bending)
+
+
 def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> ApparentStiffness:
     """Measure the stiffness in each tick that calls for a force, and its ends over all lags that may explain it.
 
     `spring` says whether the law is along the error or across the surface; None is for a force of any direction, of
     which the size alone counts.
     """
-    pressing = _calls_for_force(base, scene)
-    now = np.flatnonzero(pressing)
+    pressing, now, errors, bending = _pressed_ticks(base, scene)
     last = len(base) - 1
     # (lags, n): the ticks within a lag of each, cut to the recording.
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
-    force, errors = base.force[now], _errors_within_lag(base, scene, now)
+    force = base.force[now]
     shares = np.array([_stiffness_share(force, candidate, scene.stiffness, spring) for candidate in errors])
     along, depth = _depth_direction(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
@@ -117,7 +147,7 @@ def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> A
     velocity, sinking = hand_velocity(base), backward_difference(base.hip - base.ihip, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
-    other_force = _undamped_other_force(base, scene, velocity, now, size, depth)
+    other_force = _undamped_other_force(base, scene, bending, size, depth)
     # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     with np.errstate(divide="ignore"):
         allowed, allowed_in_lag = (
@@ -145,15 +175,12 @@ def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[A
     return errors
 
 
-def _undamped_other_force(
-    base: Recording, scene: Scene, velocity: Array, ticks: IntArray, sizes: Array, depths: Array
-) -> Array:
-    """Return how much of the force at `ticks` (n,) is open beside spring and damper, (n,), N: G of the bound.
+def _undamped_other_force(base: Recording, scene: Scene, bending: Array, sizes: Array, depths: Array) -> Array:
+    """Return how much of the force of n ticks is open beside spring and damper, (n,), N: G of the bound.
 
-    `velocity` (rows, N), m/s, is the hand's at every tick; `sizes` (n,), N, and `depths` (n,), m, are the force's and
-    the depths at `ticks`. A law may know the curvature where none is declared; the rest is coarse or rounded numbers.
+    `bending` (n,), N, is what a law may add that knows the curvature; `sizes` (n,), N, and `depths` (n,), m, are those
+    of force and depth. The rest is coarse or rounded numbers.
     """
-    bending = _curvature_force(base, scene, velocity, ticks)
     # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
     position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
     position_rounding += 0.5 * log_step(base, "hip", "ihip")
