@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hapticeval.errors import InputError, UnknownNameError, describe_error, renderer_errors
-from hapticeval.extras import by_name, entries_of
+from hapticeval.registrations import by_name, entries_of
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory

@@ -1,35 +1,13 @@
-"""What installed packages register, and what to type for the libraries of an extra.
-
-That is never by the name of this package alone, which an index may not have.
-"""
+"""What to type for the libraries of an extra: never by the name of this package alone, which an index may not have."""
 
 from __future__ import annotations
 
 import json
 import re
-import sys
-from collections.abc import Iterable
-from functools import lru_cache
-from importlib.metadata import EntryPoint, distributions, entry_points
+from importlib.metadata import distributions
 from urllib.parse import unquote, urlparse
 
 PACKAGE = "hapticeval"
-
-
-def entries_of(group: str) -> tuple[EntryPoint, ...]:
-    """Return the entry points of a group, of all installed packages, in the order of `sys.path`."""
-    return _entries_in(tuple(sys.path), group)
-
-
-@lru_cache(maxsize=16)
-def _entries_in(folders: tuple[str, ...], group: str) -> tuple[EntryPoint, ...]:  # noqa: ARG001
-    # Looked through once (20 ms) for a sys.path: a test or a notebook that adds a folder sees its entry points too.
-    return tuple(entry_points(group=group))
-
-
-def by_name(entries: Iterable[EntryPoint]) -> dict[str, EntryPoint]:
-    """Return entry points by name, in alphabetical order; of two of a name the last."""
-    return {entry.name: entry for entry in sorted(entries, key=lambda entry: entry.name)}
 
 
 def install_command(extra: str) -> str:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "pulse", "kernel_cache"},
-    {"errors", "compiled", "records", "extras"},
+    {"errors", "compiled", "records", "extras", "registrations"},
     {"bracket", "laws"},
     {"documents"},
     {"files", "geometry", "quantity", "workers"},

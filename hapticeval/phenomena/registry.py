@@ -17,10 +17,10 @@ from importlib.metadata import EntryPoint
 from pkgutil import iter_modules
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error
-from hapticeval.extras import by_name, entries_of
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.pages import CheckPage, read_page
+from hapticeval.registrations import by_name, entries_of
 
 CHECK_GROUP = "hapticeval.checks"
 

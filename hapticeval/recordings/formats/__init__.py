@@ -37,9 +37,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin, unreadable
-from hapticeval.extras import entries_of
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER_MARK, HEAD_BYTES, first_bytes, reserve
+from hapticeval.registrations import entries_of
 
 FORMAT_GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
