@@ -32,7 +32,7 @@ from hapticeval.runner.results import (
     unknown_renderer,
     write_results,
 )
-from hapticeval.runner.resuming import finished_jobs
+from hapticeval.runner.resuming import read_earlier_run
 from hapticeval.runner.standing import Standing, counts_in_words
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite import DEFAULT_SUITE
@@ -163,11 +163,11 @@ def carry_out(planned: Plan, *, watch: Callable[[Event], None] | None = None, wo
     """Run the jobs of a plan and return the results; see `run` for `watch`, and `execute` for `work`."""
     output = planned.options.output
     # Before the folder is taken: an earlier run of another plan is refused, and its reports stay.
-    earlier_jobs = finished_jobs(planned, output) if planned.options.resume and output is not None else None
+    earlier = read_earlier_run(planned, output) if planned.options.resume and output is not None else None
     recordings: dict[RunKey, Recording] = {}
     stopped = False
     with nullcontext() if output is None else prepared_folder(output):
-        for event in execute(planned, work=work, earlier_jobs=earlier_jobs):
+        for event in execute(planned, work=work, earlier=earlier):
             if watch is not None:
                 watch(event)
             if isinstance(event, JobFinished):

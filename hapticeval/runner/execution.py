@@ -20,8 +20,8 @@ from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, Ru
 from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
-from hapticeval.runner.results import RunKey, read_results
-from hapticeval.runner.resuming import Outcomes
+from hapticeval.runner.results import RunKey
+from hapticeval.runner.resuming import EarlierRun, Outcomes
 from hapticeval.runner.work import Work, carry_out, derived_seed, finished_by_end, finished_by_timeout, run_job
 from hapticeval.suite.suite import files_of
 from hapticeval.workers import TRIES, Answer, Crew, LostError, Overdue, ProcessEnded, Workers, default_workers
@@ -44,13 +44,11 @@ STOPPED_AT_FIRST = "it ends at the first verdict that stops the gate (-x)"
 """Why a run is incomplete whose plan has `exit_first`."""
 
 
-def execute(
-    plan: Plan, *, work: Work = run_job, earlier_jobs: Mapping[RunKey, JobFinished] | None = None
-) -> Iterator[Event]:
+def execute(plan: Plan, *, work: Work = run_job, earlier: EarlierRun | None = None) -> Iterator[Event]:
     """Run the plan as its options say, yield what happens as events, and keep results.json up to date meanwhile.
 
     - `work`: what is done with a job; if not given, it is run and judged as its case says.
-    - `earlier_jobs`: what an earlier run into the folder has finished, see `resuming.finished_jobs`.
+    - `earlier`: what an earlier run into the folder has finished, see `resuming.read_earlier_run`.
 
     Without a folder nothing is written, and the events bring the recordings. What comes of a job depends neither on who
     does it nor on the order in which jobs end: each has a seed of its own. Events come in the order of the plan, and
@@ -69,13 +67,12 @@ def execute(
     with Interrupts() as interrupts:
         with _crew(work, plan) as crew, Outcomes(output) as outcomes:
             # What is in the folder is of an earlier run, whose results go as well.
-            if output is not None and earlier_jobs is None:
+            if output is not None and earlier is None:
                 shutil.rmtree(output / "recordings", ignore_errors=True)
                 outcomes.clear()
-            execution = _Execution(plan, crew, outcomes, interrupts, earlier_jobs or {})
+            execution = _Execution(plan, crew, outcomes, interrupts, earlier.jobs if earlier else {})
             yield execution.opening()
-            earlier_seconds = read_results(output).timing.wall_seconds if output and earlier_jobs else 0.0
-            execution.progress = Progress(plan, earlier_seconds=earlier_seconds)
+            execution.progress = Progress(plan, earlier_seconds=earlier.wall_seconds if earlier else 0.0)
             cut_by: BaseException | None = None
             try:
                 # Each turn begins jobs, reports in the plan's order what has finished, and waits a little for answers.

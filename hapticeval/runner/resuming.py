@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import msgspec
 
@@ -96,27 +96,35 @@ def read_outcomes(directory: Path) -> list[JobFinished]:
     return jobs
 
 
-def finished_jobs(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
+class EarlierRun(NamedTuple):
+    """What an earlier run into a folder has left of a plan: the jobs that it finished, and the seconds that it took."""
+
+    jobs: dict[RunKey, JobFinished]
+    wall_seconds: float
+
+
+def read_earlier_run(plan: Plan, directory: Path) -> EarlierRun:
     """Return what came of the jobs of `plan` that an earlier run into `directory` has finished; none where none did.
 
     A job whose recording is missing counts as not done. Raises `InputError` where that run was of another plan or of
     other versions, naming what differs.
     """
     if not (directory / RESULTS_FILE).is_file():
-        return {}
+        return EarlierRun({}, 0.0)
     document = read_results(directory)
     _refuse_another(plan, document, directory)
     earlier_jobs = {run.key: JobFinished(run, tuple(document.verdicts_of.get(run.key, ()))) for run in document.runs}
     # results.json is written now and then only; each finished job is a line of the other file at once.
     earlier_jobs |= {job.run.key: job for job in read_outcomes(directory)}
     checks = {job.key: job.case.checks for job in plan.jobs}
-    return {
+    kept_jobs = {
         key: job
         for key, job in earlier_jobs.items()
         # Verdicts of other checks than this plan asks, or of a case that it has not, do not count.
         if checks.get(key) == tuple(verdict.check for verdict in job.verdicts)
         and (job.run.recording is None or (directory / job.run.recording).is_file())
     }
+    return EarlierRun(kept_jobs, document.timing.wall_seconds if kept_jobs else 0.0)
 
 
 def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> None:
