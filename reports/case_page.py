@@ -180,6 +180,10 @@ class CaseView:
         """Return the id of a verdict."""
         return anchor(*self.enclosing_names, renderer, check)
 
+    def lost(self, entry: RunEntry) -> list[VerdictEntry]:
+        """Return the verdicts that a run lost by breaking."""
+        return list(filter(entry.lost, self.verdicts.get(entry.renderer, ())))
+
 
 def write_case_page(
     folder: Path,
@@ -278,12 +282,7 @@ def case_section(
 
     names = [entry.renderer for entry in entries]
     # What a break left without a verdict stands with the error; what was judged in spite of it, with the others.
-    judged = [
-        verdict
-        for entry in entries
-        for verdict in verdicts.get(entry.renderer, ())
-        if not (entry.error and verdict.outcome is Outcome.ERROR)
-    ]
+    judged = [verdict for entry in entries for verdict in verdicts.get(entry.renderer, ()) if not entry.lost(verdict)]
     drawable = _drawable_recordings(recordings)
     is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
     # A renderer's look is its place in the whole report, not on this page.

@@ -236,6 +236,10 @@ class RunEntry(Entry, frozen=True, kw_only=True):
         why = f" ({self.ended.why})" if self.ended.why else ""
         return f"ended early at t = {self.ended.time:.4g} s, tick {self.ended.tick}: {self.ended.what}{why}"
 
+    def lost(self, verdict: VerdictEntry) -> bool:
+        """Return whether a verdict of this run is an error since what it needs of it broke; others may be judged."""
+        return self.error is not None and verdict.outcome is Outcome.ERROR
+
     @property
     def is_recorded(self) -> bool:
         """Return whether this is the recorded run of a replay, which is no renderer's."""
@@ -507,12 +511,12 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def lost(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict is an error since what it needs of its run broke: `breakdowns` has them together."""
-        return verdict.outcome is Outcome.ERROR and verdict.key in self._broken
+        """Return whether a verdict is lost to its run, see `RunEntry.lost`: `breakdowns` has these together."""
+        return verdict.key in self._broken and self._broken[verdict.key].lost(verdict)
 
     @cached_property
-    def _broken(self) -> frozenset[RunKey]:
-        return frozenset(run.key for run in self.runs if run.error)
+    def _broken(self) -> dict[RunKey, RunEntry]:
+        return {run.key: run for run in self.runs if run.error}
 
     @cached_property
     def breakdowns(self) -> list[Breakdown]:
@@ -523,7 +527,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
                 # One cause: the same error but for numbers and places.
                 key = run.renderer, run.error.kind
                 runs, error, before = breakdown_by_cause.get(key, Breakdown([], run.error, []))
-                lost_verdicts = filter(self.lost, self.verdicts_of.get(run.key, []))
+                lost_verdicts = filter(run.lost, self.verdicts_of.get(run.key, []))
                 breakdown_by_cause[key] = Breakdown([*runs, run], error, [*before, *lost_verdicts])
         return list(breakdown_by_cause.values())
 
