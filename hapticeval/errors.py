@@ -143,6 +143,7 @@ def unreadable(what: str, error: OSError) -> InputError:
 
 def unwritable(what: str, error: OSError) -> HapticevalError:
     """Return the error of a file or a folder that the system does not let be written."""
+    # By its number: of HDF5 the text itself is a paragraph.
     why = os.strerror(error.errno) if error.errno else str(error)
     return HapticevalError(f"cannot write {what}", why=why, todo="name another place, or mend what bars this one")
 

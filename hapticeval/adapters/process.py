@@ -216,9 +216,9 @@ class Child:
         _kill_child(self._process)
         size = self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(size - STDERR_LENGTH, 0))
-        # Whole lines, if the last is no longer than that.
-        cut, newline, lines = self._errors.read().decode(errors="replace").strip().partition("\n")
-        stderr_end = lines if size > STDERR_LENGTH and newline else f"{cut}{newline}{lines}"
+        stderr_end = self._errors.read().decode(errors="replace").strip()
+        if size > STDERR_LENGTH:  # the first line is cut: it goes, unless it is the only one
+            stderr_end = stderr_end.partition("\n")[2] or stderr_end
         self._close()
         why = "; ".join(part for part in (why, stderr_end and f"its stderr ends: {stderr_end}") if part)
         self._failure = RendererError(f"the process '{self.command}' {what}", why=why, todo=todo)

@@ -44,11 +44,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     metric = CHECK.measured(after)
     # Below a speed of 1e-9 of the model's size a second it rests, whatever it did before.
-    rests = ANSWER_CHANGE * size
+    resting_speed = ANSWER_CHANGE * size
     if "ihip" in base.channels:
         # A spring K that knows its depth to r lets a mass m swing by r: at up to sqrt(K / m) r.
-        rests = max(rests, math.sqrt(scene.stiffness / scene.mass) * answered_rounding(base))
-    bound = max(RETURN_RATIO * before, rests)
+        resting_speed = max(resting_speed, math.sqrt(scene.stiffness / scene.mass) * answered_rounding(base))
+    bound = max(RETURN_RATIO * before, resting_speed)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
         reach_metric = Metric("largest distance from the surface", float(distance[farthest]), "m")

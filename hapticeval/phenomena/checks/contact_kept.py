@@ -151,8 +151,9 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
     # A tool that the surface still holds is not in free space, though the hand is outside, as behind a plate.
     lies = float(np.abs(scene.model.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
     dropped = bool(touching(base, scene)[:worst].any()) and lies <= allowed[worst]
-    kind, grain = "dropped" if dropped else "trails", FINEST_GRAIN * scene.model.size
+    kind = "dropped" if dropped else "trails"
     # From the surface its way to the hand may be open.
+    grain = FINEST_GRAIN * scene.model.size
     if dropped and follow(scene.model.boundary, base.ihip[worst], base.hip[worst], grain) is None:
         kind = "stays"
     what = {

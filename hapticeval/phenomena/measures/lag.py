@@ -28,8 +28,8 @@ from hapticeval.types import Array, IntArray
 KINDS_OF_LAG = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
 """How late a force is behind HIP and IHIP in units of one lag: all of the answer late, the force, the IHIP alone."""
 
-
 TINY = float(np.finfo(float).tiny)
+"""The least length that is divided by: a column of zeros stays one."""
 
 
 class Lag(NamedTuple):

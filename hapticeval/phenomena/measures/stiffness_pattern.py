@@ -211,7 +211,7 @@ def _describe_missing_force(
     depth = float(depths[silent].max())
     # All that is silent is shallower than all that is not: a dead band.
     if depth <= float(depths[~silent].min(initial=np.inf)):
-        gives = f"{scene.stiffness * depth:.3g} N"
+        gives = newtons(scene.stiffness * depth)
         return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
     if np.mean(silent[deviates]) < CAUSE_SHARE:
         return None
