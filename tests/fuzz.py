@@ -50,6 +50,9 @@ OPTIONS = (
     "faulthandler_timeout=300",
     "-p",
     "no:xdist",
+    # What is imported above has imported hypothesis, whose asserts pytest then leaves as they are.
+    "-W",
+    "ignore::pytest.PytestAssertRewriteWarning",
 )
 
 
