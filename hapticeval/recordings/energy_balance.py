@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.quantization import coarsest
+from hapticeval.recordings.quantization import coarsest, noise_deviation
 from hapticeval.recordings.recording import runs_of
 from hapticeval.recordings.stretches import LAG_TICKS
 from hapticeval.types import Array, IntArray
@@ -129,11 +129,7 @@ class _Port:
         # Half a quantum in each of N directions.
         rounding = 0.5 * math.sqrt(place.shape[1])
         self.position, self.reading = rounding * steps[0], floor + rounding * steps[1]
-        self.noise = 0.0
-        if len(force) >= 3:  # white noise by the second differences: six of its variances make one of theirs
-            bend = np.abs(np.diff(force, n=2, axis=0))
-            # The median of |z| / 0.6745 is the standard deviation of normal noise z.
-            self.noise = NOISE_DEVIATIONS * (float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0))
+        self.noise = NOISE_DEVIATIONS * noise_deviation(force, order=2)
 
     def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
         """Return what of the work between rows `first` and `last`, (k,) each, rounding and noise leave open: J."""

@@ -90,6 +90,18 @@ def coarsest(values: Array) -> float:
     return max(map(quantization_step, values.T), default=0.0)
 
 
+def noise_deviation(values: Array, *, order: int) -> float:
+    """Return the standard deviation of the white noise of the noisiest column of `values` (n, N), in their unit.
+
+    It shows in the differences of this `order`, the higher the less of the signal; 0 where there are too few rows.
+    """
+    if len(values) <= order:
+        return 0.0
+    differences = np.abs(np.diff(values, n=order, axis=0))
+    # The median of |z| / 0.6745 is the deviation of normal noise z; a difference sums squared binomials of variances.
+    return float(np.max(np.median(differences, axis=0))) / 0.6745 / math.sqrt(math.comb(2 * order, order))
+
+
 def rounded_as(values: Array, source: Array) -> Array:
     """Return values (n, k) rounded to what the columns of `source` (n, m) resolve, in whose unit they are.
 

@@ -15,6 +15,7 @@ from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.recordings.importing.convert import convert, export, is_ours, load
 from hapticeval.recordings.importing.mapping import clocks, parse_mapping, propose, read_mapping
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
+from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
 
@@ -146,6 +147,35 @@ def test_rows_out_of_order_without_a_number_or_in_a_gap_are_kept_and_not_valid(r
     up = converted(gaps={"column": "pen", "where": 0})
     assert [(rows.start, rows.stop) for rows in up.sound_rows()] == [(3, 10), (13, 20), (23, 30), (33, 40)]
     assert up.time[3] == 0.0  # zero is the first valid row
+
+
+def test_a_row_without_a_time_is_no_step_back_and_leaves_no_gap():
+    times = K * 2.0 - 20.0
+    times[[9, 30]] = math.nan
+    run = converted(table(t=times), time__disorder="mask")
+    assert run.clock.nanoseconds[[8, 9, 10, 29, 30]].tolist() == [-4_000_000, -4_000_000, 0, 38_000_000, 38_000_000]
+    assert np.flatnonzero(~run.valid).tolist() == [9, 30]
+    assert {(issue.kind, issue.measures.get("missing")) for issue in examine(run).issues} == {
+        ("duplicate", None), ("gap", 1),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("row", "time", "what", "todo"),
+    [
+        (5, math.nan, "is no number at row 5", "mark them"),
+        (5, 3.0, "does not increase at row 5: 0.008 s, then 0.003 s", "mark them"),
+        (5, 0.0, "does not increase at row 5: 0.008 s, then 0 s", "make a file of each run"),
+    ],
+)
+def test_why_a_time_is_refused_and_what_to_do(row, time, what, todo):
+    times = K * 2.0
+    times[row] = time
+    with pytest.raises(InputError) as caught:
+        converted(table(t=times))
+    assert what in caught.value.what
+    assert caught.value.why.startswith("1 row out of order or without a time")
+    assert caught.value.todo.startswith(todo)
 
 
 @pytest.mark.parametrize("start", ["zero", "file"])

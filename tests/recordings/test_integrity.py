@@ -91,7 +91,7 @@ def spans(soundness):
 @given(seed=st.integers(0, 99), quantised=st.booleans(), noise=st.sampled_from([0.0, 0.02]))
 def test_a_clean_recording_has_no_issues(seed, quantised, noise):
     run = recording(*parts(seed, quantised=quantised, noise=noise))
-    report = examine(run) if noise else full(run)
+    report = full(run)
     assert report.issues == ()
     assert not report.suspicious
     assert spans(sound_intervals(run, report)) == [(0, ROWS)]
@@ -253,6 +253,29 @@ def test_a_counter_that_overflows_is_a_jump_and_parts_the_run(seed, sign):
     assert not planted(lambda c: c["ihip"][300:].__iadd__(0.02), "hip", "ihip", seed=seed).suspicious
 
 
+@pytest.mark.parametrize(("rows", "value"), [(2, 0.0), (5, -9.999), (9, None), (10, 0.0), (40, 0.0)])
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_a_place_that_is_lost_for_a_while_is_left_out_as_one_dropout(rows, value, noise):
+    """A tracker that loses its mark gives zero, or another number, or another place, and then the right one again."""
+    stamps, channels = parts(1, ["hip"])
+    channels["hip"] += noise * np.random.default_rng(rows).standard_normal((ROWS, 2))
+    lost = channels["hip"][300 : 300 + rows, 0]
+    lost[:] = lost + 0.5 if value is None else value
+    run = recording(stamps, channels)
+    report = examine(run)
+    found = [fault for fault in fault_rows(report) if fault[0] != "unit"]
+    assert found == [("dropout", "hip.x", 300, 300 + rows)]
+    assert spans(sound_intervals(run, report)) == [(0, 300), (300 + rows, ROWS)]
+
+
+def test_dropouts_close_to_each_other_do_not_hide_each_other_nor_what_lies_between_them():
+    stamps, channels = parts(1, ["hip"])
+    for first in (300, 306):
+        channels["hip"][first : first + 3, 1] = 0.0
+    faults = fault_rows(examine(recording(stamps, channels)))
+    assert faults == [("dropout", "hip.y", 300, 303), ("dropout", "hip.y", 306, 309)]
+
+
 def test_a_proxy_may_rest_on_a_face_and_leap_off_its_edge_or_pop_for_a_tick_and_is_all_judged():
     """A cube's proxy is at z = 5 cm until the hand leaves past an edge, 5 mm lower, where its push ends with a step."""
     sway = np.sin(np.arange(ROWS) * 0.02)
@@ -380,6 +403,33 @@ def test_a_residual_is_placed_with_the_stiffness_that_fits(rows, factor):
     assert (issue.first, issue.end, issue.measures["rows"]) == (rows.start, rows.stop, rows.stop - rows.start)
     if rows.start == 0:
         assert issue.measures["stiffness"] == pytest.approx(1250.0)
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.05, 0.5])
+def test_noise_of_a_force_sensor_hides_no_fault_that_is_larger_and_is_none_itself(sigma):
+    """Noise explains a residual up to a fifth of the largest force, 3 N: a force that is all noise explains nothing."""
+    stamps, channels = parts(6, ["hip", "force"], noise=sigma)
+
+    def contradicted(force):
+        run = recording(stamps, {**channels, "force": force})
+        return [bool(check.issues) for check in inverse_checks(run, model=MODEL, stiffness=STIFFNESS) if check.made]
+
+    assert contradicted(channels["force"]) == [sigma > 0.1] * 2
+    assert contradicted(1.5 * channels["force"])[0]
+    assert contradicted(np.random.default_rng(1).standard_normal((ROWS, 2)))[0]
+
+
+@pytest.mark.parametrize(("axes", "signs", "words"), [
+    ((0, 1), (-1, -1), "(-x, -y)"), ((1, 0), (1, 1), "(y, x)"), ((1, 0), (-1, 1), "(y, -x)"), ((0, 1), (2, 2), ""),
+])  # fmt: skip
+@pytest.mark.parametrize("ihip", [False, True])
+def test_axes_and_signs_of_a_force_that_fit_are_named(axes, signs, words, ihip):
+    stamps, channels = parts(6, ["hip", "force", *(["ihip"] if ihip else [])])
+    channels["force"] = channels["force"][:, axes] * signs
+    checks = inverse_checks(recording(stamps, channels), model=MODEL, stiffness=STIFFNESS)
+    (issue,) = [issue for check in checks if check.name.startswith("spring") for issue in check.issues]
+    assert ("taken as" in issue.message) == bool(words)
+    assert words in issue.message
 
 
 @pytest.mark.parametrize("both", [False, True])

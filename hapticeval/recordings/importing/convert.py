@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import creating, csv_cell, writing
+from hapticeval.quantity import plural
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
@@ -176,16 +177,22 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
         return np.rint(np.arange(rows) * step).astype(np.int64), np.ones(rows, dtype=bool)
     stamps, known = nanoseconds(table[time.column], factor)
     # A row is in order where it is later than all before it: after a step back, rows up to the old time are not.
-    latest = np.maximum.accumulate(np.where(known, stamps, np.iinfo(np.int64).min))
+    never = np.iinfo(np.int64).min
+    latest = np.maximum.accumulate(np.where(known, stamps, never))
+    # A time that is no number repeats the latest: zero would be a step back, and a gap after it.
+    stamps = np.where(known | (latest == never), stamps, latest)
     ordered = known.copy()
     ordered[1:] &= stamps[1:] > latest[:-1]
     if not ordered.all() and time.disorder == "refuse":
-        row = int(np.argmin(ordered))
+        row, count = int(np.argmin(ordered)), int(np.sum(~ordered))
         before = f"{1e-9 * stamps[row - 1]:.9g} s, then " if row else ""
+        now = f"does not increase at row {row}: {before}{1e-9 * stamps[row]:.9g} s"
+        todo = 'mark them as no measurement: [time] disorder = "mask"; or mend the file'
+        anew = known[row] and stamps[row] <= stamps[0]
         raise InputError(
-            f"the time '{time.column}' does not increase at row {row}: {before}{1e-9 * stamps[row]:.9g} s",
-            why=f"{int(np.sum(~ordered))} rows repeat or go back, and nothing is sorted or re-timed silently",
-            todo='mark them as no measurement: [time] disorder = "mask"; or mend the file',
+            f"the time '{time.column}' {now if known[row] else f'is no number at row {row}'}",
+            why=f"{plural(count, 'row')} out of order or without a time, and nothing is sorted or re-timed silently",
+            todo="make a file of each run: the clock begins anew there" if anew else todo,
         )
     return stamps, ordered
 

@@ -1,4 +1,4 @@
-"""What is wrong with one column: no number, stuck, saturated, spiking, jumping, or still while the hand moves.
+"""What is wrong with one column: no number, stuck, clipped, spiking, jumping, gone, or still while the hand moves.
 
 A value that does not change is no fault by itself, as nothing may have happened. So each column is held against the
 travel of the hand: a live sensor changes its reading every so many metres, and one that keeps a value over a travel in
@@ -12,6 +12,7 @@ which it otherwise changes many times is stuck. What keeps its value by nature i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,7 +67,7 @@ SPIKE_QUANTA = 6.0
 """A spike is so many quanta high, for an encoder at rest dithers by one; a jump also so many usual steps."""
 
 NEIGHBOUR_AGREEMENT = 0.25
-"""Share of a spike up to which the rows beside it are on one line: otherwise the signal itself has moved."""
+"""Share of a spike or a jump up to which the rows beside it are on one line: otherwise the signal itself has moved."""
 
 FEWEST_SPIKE_ROWS = 8
 """Rows below which nothing is usual in a stretch, and so no row of it a spike."""
@@ -105,6 +106,7 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
     """Yield the jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
     - jump: only of a position or an angle, which no hand moves from row to row.
+    - dropout: two or more rows between a jump and the one that takes it back.
     - stuck: not of a force or torque at zero, which is free motion.
     - saturated: of a motor it is a note.
     - spike: one row off the line through its neighbours.
@@ -124,12 +126,15 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
             if channel == "force" and stuck:
                 changing = _changing_depth(recording, [(begin + first, begin + end) for first, end in stuck])
                 stuck = [(first - begin, end - begin) for first, end in changing]
-            # A stuck sensor jumps where it wakes: one issue is enough.
-            woken = {end for _, end in stuck}
             # Only a place has no jumps by nature: forces switch on.
-            jumps = _jumps(part, step) if unit in ("m", "rad") and not computed else ()
+            jumps = list(_jumps(part, step)) if unit in ("m", "rad") and not computed else []
+            dropouts = list(_dropouts(part, jumps))
+            stuck = [span for span in stuck if span not in dropouts]
+            # A stuck sensor jumps where it wakes, and a dropout at both ends: one issue is enough.
+            explained = {end for _, end in stuck} | {row for span in dropouts for row in span}
             kinds: Mapping[str, Sequence[Span]] = {
-                "jump": [(row, row + 1) for row in jumps if row not in woken],
+                "jump": [(row, row + 1) for row in jumps if row not in explained],
+                "dropout": [(first, end) for first, end in dropouts if end > first + 1],  # one row is a spike, or none
                 "stuck": [span for span in stuck if not (is_force and part[span[0]] == 0.0)],
                 "saturated": [
                     span
@@ -147,6 +152,7 @@ def issues_of_values(recording: Recording) -> Iterator[Issue]:
 
 
 MESSAGE_OF = {
+    "dropout": "it jumps to {at:.4g}, by {by:.4g}, and back",
     "jump": "it jumps by {by:.4g} between two rows, and goes on from there",
     "stuck": "the value is frozen, then jumps",
     "saturated": "clipped at {at:.6g}",
@@ -182,17 +188,37 @@ def _runs_that_wake(values: Array, step: float) -> Iterator[Span]:
 def _jumps(values: Array, step: float) -> Iterator[int]:
     """Yield the rows before which a place jumps: by one step far larger than all beside it on either side.
 
-    A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone.
+    A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone. What takes a
+    jump back may stand beside it, and its like that are taken back as well.
     """
-    steps = np.abs(np.diff(values))
+    changes = np.diff(values)
+    steps = np.abs(changes)
     for row in np.flatnonzero(steps > SPIKE_QUANTA * max(step, _usual_step(steps))).tolist():
         neighbours = np.concatenate(
-            [steps[max(0, row - NEIGHBOURING_STEPS) : row], steps[row + 1 : row + 1 + NEIGHBOURING_STEPS]]
+            [changes[max(0, row - NEIGHBOURING_STEPS) : row], changes[row + 1 : row + 1 + NEIGHBOURING_STEPS]]
         )
+        back, again = (np.abs(neighbours + sign * changes[row]) < NEIGHBOUR_AGREEMENT * steps[row] for sign in (1, -1))
+        others = np.abs(neighbours[~back & ~(again & (back.sum() >= again.sum()))])
         if NEIGHBOURING_STEPS <= row < steps.size - NEIGHBOURING_STEPS and steps[row] > SPIKE_DEVIATIONS * float(
-            neighbours.max()
+            others.max(initial=0.0)
         ):
             yield row + 1
+
+
+def _dropouts(values: Array, jumps: Sequence[int]) -> Iterator[Span]:
+    """Yield the rows between a jump and the step that takes it back: few, or of one value, as of a mark out of sight.
+
+    Many rows that go on moving are another place, such as that of a counter that overflowed.
+    """
+    changes, ended = np.diff(values), 0
+    for first, following in pairwise([*jumps, 0]):
+        constant = np.ptp(values[first:following]) == 0.0 if following else False
+        ends = [following] if constant else range(first + 1, min(first + 1 + STUCK_ROWS, values.size))
+        away = changes[first - 1]
+        end = next((end for end in ends if abs(changes[end - 1] + away) < NEIGHBOUR_AGREEMENT * abs(away)), 0)
+        if end and first > ended:  # where one ends, none begins: what follows is the signal
+            ended = end
+            yield first, end
 
 
 def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[Span]:

@@ -13,14 +13,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import permutations, product
 from typing import Protocol
 
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.recordings.energy_balance import NOISE_DEVIATIONS
 from hapticeval.recordings.integrity.issue import Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import coarsest
+from hapticeval.recordings.quantization import coarsest, noise_deviation
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG_TICKS, continuing_steps
 from hapticeval.types import Array, IntArray
@@ -30,6 +32,15 @@ RESIDUAL_QUANTA = 3.0
 
 A quantum is what the numbers of all channels involved resolve: see `coarsest`.
 """
+
+NOISE_ORDER = 4
+"""Order of the differences of a residual that show its noise: what changes smoothly leaves next to nothing in them."""
+
+NOISE_SHARE = 0.2
+"""Share of the largest value up to which a residual may be noise: what is noisier than that is no measurement."""
+
+TURNED_ROWS, TURNED_SHARE = 500, 0.95
+"""Rows at which a force with other axes or signs is tried, and the share of them at which it has to fit."""
 
 CHAIN_ROUNDING = 1e-9
 """Share of the signal's size that computing in double precision may cost over a chain of transformations."""
@@ -53,7 +64,7 @@ class ConsistencyTest:
     """An inverse check, see `RELATIONS`: made over `rows` rows, or not made, and `why`.
 
     `largest` and `median` residual are in `unit`, and so is the `quantum` that the numbers of its channels resolve.
-    `issues` are what contradicts it.
+    `noisy` says that some residuals are beyond that, but within the noise. `issues` are what contradicts it.
     """
 
     name: str
@@ -62,6 +73,7 @@ class ConsistencyTest:
     largest: float = 0.0
     median: float = 0.0
     quantum: float = 0.0
+    noisy: bool = False
     issues: tuple[Issue, ...] = ()
     why: str = ""
 
@@ -128,7 +140,7 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
     # Largest row sum of |J|, m/rad: what one quantum in every joint moves the HIP at the most.
     reach = float(np.abs([device.jacobian(row) for row in joints]).sum(axis=2).max())
     step = reach * coarsest(joints) + coarsest(hip)
-    return _checked(recording, rows, KINEMATICS_RELATION, "hip", "m", np.linalg.norm(residual, axis=1), step)
+    return _checked(recording, rows, KINEMATICS_RELATION, "hip", "m", residual, step)
 
 
 def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
@@ -143,7 +155,7 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
     # Largest column sum of |J|, m: what one quantum of force in every direction does to a torque.
     lever = float(np.abs(jacobians).sum(axis=1).max())
     step = coarsest(torque) + lever * coarsest(force)
-    return _checked(recording, rows, TORQUE_RELATION, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
+    return _checked(recording, rows, TORQUE_RELATION, "joint_torque", "N m", residual, step)
 
 
 def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
@@ -153,12 +165,16 @@ def spring(recording: Recording, rows: IntArray, stiffness: float) -> Consistenc
     """
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
-    # (6.1) without damping: |F - K_p (IHIP - HIP)|, N.
-    residual = np.linalg.norm(force - stiffness * reach, axis=1)
+    # (6.1) without damping: F - K_p (IHIP - HIP), N.
+    residual = force - stiffness * reach
     step = stiffness * (coarsest(hip) + coarsest(ihip)) + coarsest(force)
-    check = _checked(recording, rows, SPRING_RELATION, "force", "N", residual, step)
-    # Least squares of F = K reach: K = sum F . reach / sum reach^2.
-    return _fitted(check, stiffness, float(np.sum(force * reach)), float(np.sum(reach * reach)))
+    # Least squares of F = K reach: K = sum F . reach / sum reach^2. What that leaves may be noise, a wrong K_p is none.
+    share, square = float(np.sum(force * reach)), float(np.sum(reach * reach))
+    noise = _noise(force - (share / square if square > 0.0 else 0.0) * reach, force)
+    check = _checked(recording, rows, SPRING_RELATION, "force", "N", residual, step, noise=noise)
+    check = _fitted(check, stiffness, share, square)
+    some = _spread(rows)
+    return _turned(check, force[some], lambda turned: np.linalg.norm(turned - stiffness * reach[some], axis=1))
 
 
 def on_the_model(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
@@ -174,8 +190,9 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Consiste
         return ConsistencyTest(SURFACE_RELATION, why="the IHIP is the HIP throughout: there is no contact")
     tool = recording.ihip[rows]
     # Distance from the boundary, m: its sign says only on which side the IHIP is off.
-    residual, step = np.abs(model.boundary.closest_point(tool).distance), coarsest(tool) + _blurred(recording)
-    return _checked(recording, rows, SURFACE_RELATION, "ihip", "m", residual, step, size=model.size)
+    residual = model.boundary.closest_point(tool).distance[:, np.newaxis]
+    step = coarsest(tool) + _blurred(recording)
+    return _checked(recording, rows, SURFACE_RELATION, "ihip", "m", residual, step, size=model.size, noise=0.0)
 
 
 def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
@@ -186,19 +203,35 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     declares of its own representation is allowed.
     """
     quantum = coarsest(recording.force[rows])
-    floor = max(RESIDUAL_QUANTA * quantum, declared_floor(recording) or 0.0)
-    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
+    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > _free_reading(recording, rows)]
     if rows.size == 0:
         return ConsistencyTest(IMPLIED_RELATION, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
     # (6.1) solved for the tool: IHIP = HIP + F / K_p, which has to lie on the boundary.
-    residual = np.abs(model.boundary.closest_point(hip + force / stiffness).distance)
+    residual = model.boundary.closest_point(hip + force / stiffness).distance[:, np.newaxis]
     step = coarsest(hip) + quantum / stiffness + _blurred(recording)
-    check = _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size)
+    noise = _noise(residual, force / stiffness)
+    check = _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size, noise=noise)
     frame = model.boundary.closest_point(hip)
     # To first order the tool's distance is d + n . F / K: least squares in 1 / K gives K = sum (n.F)^2 / -sum d (n.F).
     along = np.sum(frame.normal * force, axis=1)
-    return _fitted(check, stiffness, float(np.dot(along, along)), -float(np.dot(frame.distance, along)))
+    check = _fitted(check, stiffness, float(np.dot(along, along)), -float(np.dot(frame.distance, along)))
+    some = _spread(rows)
+    return _turned(
+        check, force[some], lambda turned: np.abs(model.boundary.closest_point(hip[some] + turned / stiffness).distance)
+    )
+
+
+def _free_reading(recording: Recording, rows: IntArray) -> float:
+    """Return the largest force that a sensor may read in free motion, N: of its steps, as declared, or of its noise."""
+    force = recording.force[rows]
+    return max(RESIDUAL_QUANTA * coarsest(force) + _noise(force, force), declared_floor(recording) or 0.0)
+
+
+def _noise(values: Array, signal: Array) -> float:
+    """Return how far noise takes one of `values` (n, N) off, in their unit: no more than `NOISE_SHARE` of `signal`."""
+    largest = float(np.max(np.abs(signal), initial=0.0))
+    return min(NOISE_DEVIATIONS * noise_deviation(values, order=NOISE_ORDER), NOISE_SHARE * largest)
 
 
 def _blurred(recording: Recording) -> float:
@@ -220,11 +253,14 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     allowed = RESIDUAL_QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
     # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, for LAG_TICKS rows.
     size = np.linalg.norm(recording.force, axis=1)
-    floor = max(RESIDUAL_QUANTA * coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
+    floor = _free_reading(recording, rows)
+    # m: a hand may be so deep with a force that is lost in the floor, by the stiffness that most forces have.
+    pressed = rows[(size[rows] > floor) & (distance[rows] < 0.0)]
+    unfelt = floor * float(np.median(-distance[pressed] / size[pressed])) if pressed.size else 0.0
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
-    bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed)
+    bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed - unfelt)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
     issues = []
@@ -241,7 +277,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     off = off[rows]
     largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
     return ConsistencyTest(
-        CONTACT_RELATION, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, tuple(issues)
+        CONTACT_RELATION, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, issues=tuple(issues)
     )
 
 
@@ -268,19 +304,24 @@ def _checked(
     step: float,
     *,
     size: float | None = None,
+    noise: float | None = None,
 ) -> ConsistencyTest:
-    """Judge a residual (n,) at `rows` (n,): one issue where some are beyond rounding and `RESIDUAL_QUANTA` steps.
+    """Judge a residual (n, N) at `rows` (n,): one issue where some are beyond `RESIDUAL_QUANTA` steps, rounding, noise.
 
-    It names the stretch from the first to the last of them. `size` is that of the signal of which rounding is a share:
-    the channel's unless it is given.
+    It names the stretch from the first to the last of them. `size` is that of the signal of which rounding is a share,
+    the channel's unless it is given, and `noise` how far that may take a residual, in its unit: as far as it does.
     """
+    signal = recording.channels[channel][rows]
     if size is None:
-        size = float(np.max(np.abs(recording.channels[channel][rows]), initial=0.0))
-    # Beyond the quanta and the rounding of the numbers it is a contradiction, whatever its size.
+        size = float(np.max(np.abs(signal), initial=0.0))
+    off = np.linalg.norm(residual, axis=1)
     bound = RESIDUAL_QUANTA * step + CHAIN_ROUNDING * size
-    largest, median = float(residual.max()), float(np.median(residual))
-    check = ConsistencyTest(name, unit, int(rows.size), largest, median, step)
-    bad = rows[residual > bound]
+    largest, median = float(off.max()), float(np.median(off))
+    noisy = largest > bound
+    # Beyond quanta, rounding and noise it is a contradiction, whatever its size.
+    bound += _noise(residual, signal) if noise is None else noise
+    check = ConsistencyTest(name, unit, int(rows.size), largest, median, step, noisy)
+    bad = rows[off > bound]
     if bad.size == 0:
         return check
     quanta = f", {largest / step:.3g} quanta" if step > 0.0 else ""
@@ -303,3 +344,27 @@ def _fitted(check: ConsistencyTest, declared: float, share: float, square: float
         for issue in check.issues
     )
     return replace(check, issues=issues)
+
+
+def _spread(rows: IntArray) -> IntArray:
+    """Return the indices of at most `TURNED_ROWS` of the rows, evenly spread."""
+    return np.unique(np.linspace(0, rows.size - 1, TURNED_ROWS).astype(int))
+
+
+def _turned(check: ConsistencyTest, force: Array, residuals: Callable[[Array], Array]) -> ConsistencyTest:
+    """Name in the issues of a check the axes and signs of the force (n, N), N, with which it holds at nearly all rows.
+
+    `residuals` gives those (n,) of a force that is taken so, in the unit of the check.
+    """
+    if not check.issues:
+        return check
+    bound, count = check.issues[0].measures["bound"], force.shape[1]
+    ways = product(permutations(range(count)), product((1.0, -1.0), repeat=count))
+    next(ways)  # as it is
+    for axes, signs in ways:
+        if np.mean(residuals(force[:, axes] * signs) <= bound) > TURNED_SHARE:
+            taken = ", ".join(f"{'-' * (sign < 0.0)}{'xyz'[axis]}" for axis, sign in zip(axes, signs, strict=True))
+            words = f"; it holds with the force taken as ({taken})"
+            issues = tuple(replace(issue, message=issue.message + words) for issue in check.issues)
+            return replace(check, issues=issues)
+    return check

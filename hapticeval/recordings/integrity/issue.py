@@ -64,6 +64,7 @@ ADVICE: Mapping[str, str] = {
     "rows": COPY_AGAIN,
     "no number": "left out; see why the sensor gave none",
     "jump": "see whether a counter overflowed, or two logs were joined; replays begin anew there",
+    "dropout": "leave those rows out; see whether the sensor lost sight of its mark, or a cable its contact",
     "stuck": "leave those rows out; see the sensor and its cable",
     "saturated": "there the limit of sensor or motor was recorded, not the signal",
     "spike": "leave it out; see the cable and the logger",

@@ -23,7 +23,7 @@ from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
-LEFT_OUT_ISSUES = ("stuck", "spike", "jump")
+LEFT_OUT_ISSUES = ("stuck", "spike", "jump", "dropout")
 """Issues, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
@@ -209,7 +209,7 @@ def _checks(report: Integrity) -> list[str]:
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
            f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
-           "contradicted" if check.issues else "holds") for check in checks_made),
+           "contradicted" if check.issues else "holds" + check.noisy * " but for noise") for check in checks_made),
     ]) if checks_made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
     return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
