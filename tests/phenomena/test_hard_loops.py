@@ -267,7 +267,7 @@ def test_ten_million_ticks_of_rest_do_not_drift(name):
     renderer.reset(loop.out.measured_hip[0])
     ends = []
     for _ in range(TICKS // PART):
-        assert kernels.run(law_value(law.function, law.data), law.data, loop) == (PART, kernels.DONE)
+        assert kernels.run(law_value(law.function, law.data), law.data, loop) == (PART, kernels.DONE, 0)
         ends.append(np.concatenate([channel[-1] for channel in (loop.out.hip, loop.out.ihip, loop.out.velocity)]))
     drift = np.abs(np.array(ends) - ends[0]).max(axis=0)
     print(f"\n{name}: {TICKS:.0e} ticks, HIP {drift[:2].max():.2g} m, IHIP {drift[2:4].max():.2g} m")
