@@ -41,6 +41,19 @@ def read_toml(file: Path) -> Mapping[str, Any]:
     return document
 
 
+def toml_text(value: Any) -> str:
+    """Return a JSON value as TOML, on one line; entries of a table that are None are left out."""
+    if isinstance(value, Mapping):
+        pairs = (f"{name} = {toml_text(entry)}" for name, entry in value.items() if entry is not None)
+        return f"{{ {', '.join(pairs)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_text, value))}]"
+    if isinstance(value, float):
+        return repr(value)  # infinity too, which JSON has no word for
+    # Strings, whole numbers and truth values are written as in JSON, but that the delete character is escaped as well.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def parse_json(text: str | bytes, place: str) -> Any:
     """Return the value of a JSON text. Raises `InputError` for one that is not JSON, or nested too deep.
 

@@ -186,17 +186,6 @@ def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManage
     return rc_context(style)
 
 
-def clear_axes(axes: Axes) -> None:
-    """Remove what has been drawn into axes; their place, ticks and labels stay."""
-    legend = axes.get_legend()
-    # Copied before it is emptied: removing an artist changes its list.
-    for kind in (axes.lines, axes.patches, axes.collections, axes.texts, axes.artists, axes.child_axes):
-        for artist in list(kind):
-            artist.remove()
-    if legend is not None:
-        legend.remove()
-
-
 def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
     """Return the figure as an SVG element for a page, see `svg_element`; the same figure gives the same text."""
     buffer = io.StringIO()

@@ -6,8 +6,9 @@ Without script the page shows figures and verdicts; the script in `assets/` move
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import resources
 from itertools import groupby
 from pathlib import Path
@@ -119,10 +120,10 @@ class CheckSection:
 
 
 class Charts(NamedTuple):
-    """The charts of one renderer: the name of their figure among `CaseView.figures`, and what they show in words."""
+    """The charts of one renderer, an SVG element, and what they show in words."""
 
     renderer: str
-    figure: str
+    svg: str
     words: str
 
 
@@ -130,46 +131,30 @@ class Charts(NamedTuple):
 class CaseView:
     """All that `case_section.html.j2` shows of a case.
 
-    Of the case:
-
-    - `case`: its suite and name; `entries`: its runs, one of each renderer, drawn by its `looks`.
+    - `entries`: its runs, one of each renderer, drawn by its `looks`; `verdicts`: by renderer.
+    - `recordings`: those that can be drawn; `problems`: why there is no recording. Both by renderer.
     - `model`: None where this version cannot make it; a `note` stands beside the scene.
-    - `enclosing_names` tell ids apart on a page of several cases.
-
-    What is drawn:
-
-    - `ticked_names`: renderers that are shown at first, of the `drawn_names`; `own_tools`: those whose hand is no hand.
-    - `problems`: why there is no recording, by renderer.
-    - `figures`: SVG elements by name; `data`: what the page's script reads, as JSON.
-    - `parts`: which runs are too long to be drawn whole, see `_drawn_parts`; `charts`: those that walk over a sphere's.
-
-    What is said of it:
-
-    - `verdicts` by renderer, and by check as `checks`; the `worst` of those with a place.
-    - `questions` by check, which link to where `check_pages` tells of them; empty for no link.
-    - `place_numbers`: the mark in the figures by renderer and time (s).
+    - `tracks`: what figures and script draw of the runs.
+    - `prefix` and `enclosing_names` tell ids apart on a page of several cases.
+    - `check_pages`: the page that tells of checks; empty for no links there.
     """
 
-    case: tuple[str, str]
     entries: Sequence[RunEntry]
+    verdicts: Mapping[str, Sequence[VerdictEntry]]
     looks: Mapping[str, Look]
+    recordings: Mapping[str, Recording]
+    problems: Mapping[str, str]
     model: Model | None
     note: str
+    tracks: Sequence[Track]
+    prefix: str
     enclosing_names: Sequence[str]
-    ticked_names: Sequence[str]
-    drawn_names: Sequence[str]
-    own_tools: Sequence[str]
-    problems: Mapping[str, str]
-    figures: Mapping[str, str]
-    data: str
-    parts: Mapping[tuple[float, float], Sequence[str]]
-    charts: Sequence[Charts]
-    verdicts: Mapping[str, Sequence[VerdictEntry]]
-    checks: Sequence[CheckSection]
-    questions: Mapping[str, str]
     check_pages: str
-    worst: VerdictEntry | None
-    place_numbers: Mapping[tuple[str, float], int]
+
+    @property
+    def case(self) -> tuple[str, str]:
+        """Suite and name of the case."""
+        return self.entries[0].suite, self.entries[0].case
 
     @property
     def numbers(self) -> Mapping[str, int]:
@@ -180,9 +165,150 @@ class CaseView:
         """Return the id of a verdict."""
         return anchor(*self.enclosing_names, renderer, check)
 
+    # What is said of it.
+
     def lost(self, entry: RunEntry) -> list[VerdictEntry]:
         """Return the verdicts that a run lost by breaking."""
         return list(filter(entry.lost, self.verdicts.get(entry.renderer, ())))
+
+    @cached_property
+    def judged(self) -> Sequence[VerdictEntry]:
+        """The verdicts that were given, also in spite of a break; what it left without one stands with the error."""
+        return [v for entry in self.entries for v in self.verdicts.get(entry.renderer, ()) if not entry.lost(v)]
+
+    @cached_property
+    def worst(self) -> VerdictEntry | None:
+        """The gravest verdict with a place that is drawn."""
+        timed = [
+            verdict for verdict in self.judged if verdict.time is not None and verdict.renderer in self.drawn_names
+        ]
+        return next(iter(gravest_first(timed)), None)
+
+    @property
+    def checks(self) -> Sequence[CheckSection]:
+        """The verdicts by check: first the checks that are not as expected, then those that failed."""
+        rows_by_check: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
+        for verdict in self.judged:
+            # Only verdicts that show nothing of their own can share a row.
+            is_bare = verdict.metric is None and verdict.time is None
+            key = (verdict.outcome, verdict.message, verdict.level) if is_bare else (verdict.renderer,)
+            rows_by_check.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
+        sections = [CheckSection(check, list(rows.values())) for check, rows in rows_by_check.items()]
+        return sorted(sections, key=lambda section: min(_urgency_rank(row[0]) for row in section.rows))
+
+    @cached_property
+    def questions(self) -> Mapping[str, str]:
+        """What each check asks; without those not installed."""
+        from hapticeval.phenomena.registry import CHECKS
+
+        return {v.check: read_page(CHECKS[v.check]).question for v in self.judged if v.check in CHECKS}
+
+    # What is drawn.
+
+    @property
+    def own_tools(self) -> Sequence[str]:
+        """The renderers whose hand is no hand, on a given path."""
+        return [name for name, recording in self.recordings.items() if _is_led(self.recordings) and recording.own_tool]
+
+    @property
+    def drawn_names(self) -> Sequence[str]:
+        """The renderers of which something is drawn."""
+        return [track.name for track in self.tracks]
+
+    @cached_property
+    def ticked_names(self) -> Sequence[str]:
+        """The renderers that are shown at first."""
+        return differing_renderers(self.judged, self.drawn_names, self.worst)
+
+    @property
+    def parts(self) -> Mapping[tuple[float, float], Sequence[str]]:
+        """Which runs are too long to be drawn whole, by the seconds drawn of their beginning and their end."""
+        names_by_seconds: dict[tuple[float, float], list[str]] = {}
+        for track in self.tracks:
+            if track.left_out is not None:
+                first, last = track.left_out
+                # s drawn at the beginning and at the end; each sample stands for one dt.
+                seconds = first - float(track.time[0]) + track.dt, float(track.time[-1]) - last + track.dt
+                names_by_seconds.setdefault(seconds, []).append(track.name)
+        return names_by_seconds
+
+    @cached_property
+    def panels(self) -> Sequence[Panel]:
+        """The plots against time."""
+        return case_panels(self.tracks) if self.tracks else ()
+
+    @cached_property
+    def place_numbers(self) -> Mapping[tuple[str, float], int]:
+        """The mark in the figures by renderer and time (s) of a failure; verdicts of one place share theirs."""
+        failed = [verdict for verdict in self.judged if verdict.outcome is Outcome.FAIL]
+        keys = [(verdict.renderer, verdict.time) for verdict in failed if verdict.time is not None]
+        drawn_keys = dict.fromkeys(key for key in keys if key[0] in self.drawn_names)
+        # Numbers from 1 in the order of the verdicts.
+        return {key: number for number, key in enumerate(drawn_keys, start=1)}
+
+    @property
+    def crosses(self) -> Mapping[str, Sequence[float]]:
+        """Points, m, by renderer: where it refuses the model."""
+        refusals = {entry.renderer: entry.refusal for entry in self.entries if entry.refusal is not None}
+        return {name: refusal.position for name, refusal in refusals.items() if refusal.position is not None}
+
+    @cached_property
+    def figures(self) -> Mapping[str, str]:
+        """SVG elements: paths and plots of what was recorded; without any, where renderers refuse a plane model."""
+        tracks, model, looks, crosses, label = self.tracks, self.model, self.looks, self.crosses, "/".join(self.case)
+        if tracks:
+            places = [Place(number, *key) for key, number in self.place_numbers.items()]
+            return {
+                "plane": plane_svg(
+                    tracks, model, looks, places,
+                    crosses=crosses, prefix=f"{self.prefix}p", title=f"{label}: paths on the model",
+                ),
+                "plots": panels_svg(
+                    tracks, self.panels, looks, places,
+                    prefix=f"{self.prefix}t", title=f"{label}: force and motion against time",
+                ),
+            }  # fmt: skip
+        # Nothing was recorded: every renderer refused, and some say where.
+        if crosses and model is not None and model.dimension == 2:
+            title = f"{label}: the outline of the model, and where renderers refuse it"
+            return {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{self.prefix}p", title=title)}
+        return {}
+
+    @property
+    def charts(self) -> Iterator[Charts]:
+        """The charts of each renderer that walks over a sphere's."""
+        if self.model is None:
+            return
+        charted = {name: recording for name, recording in self.recordings.items() if has_charts(recording)}
+        for number, (name, recording) in enumerate(charted.items()):
+            title = f"{name} in {'/'.join(self.case)}: the charts"
+            svg = atlas_svg(recording, self.model, prefix=f"{self.prefix}a{number}", title=title)
+            yield Charts(name, svg, charts_words(recording))
+
+    @property
+    def data(self) -> str:
+        """What the page's script reads, as JSON: paths and runs, panels and model."""
+        # Keys are what assets/case.js reads.
+        drawn = tracks_document(self.tracks)
+        for run in drawn["runs"]:
+            look = self.looks[run["name"]]
+            run |= {"number": self.numbers[run["name"]], "role": look.role, "dash": look.dash, "marker": look.marker}
+        document = {
+            **drawn,
+            "dimension": int(self.tracks[0].hip.shape[1]),
+            "panels": [
+                {
+                    "label": panel.label,
+                    "terms": [(term.script_name, term.label) for term in panel.terms],
+                    "range": panel.powers,
+                }
+                for panel in self.panels
+            ],
+            "model": model_document(self.model, self.tracks),
+            "crosses": self.crosses,
+        }
+        # As JSON writes it in a script element, which "<" could end.
+        return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def write_case_page(
@@ -278,148 +404,43 @@ def case_section(
     A `note` stands beside the scene. Checks link to where `check_pages` tells of them, if it is given.
     Everything that comes from results is escaped.
     """
-    from hapticeval.phenomena.registry import CHECKS
-
-    names = [entry.renderer for entry in entries]
-    # What a break left without a verdict stands with the error; what was judged in spite of it, with the others.
-    judged = [verdict for entry in entries for verdict in verdicts.get(entry.renderer, ()) if not entry.lost(verdict)]
-    drawable = _drawable_recordings(recordings)
-    is_led = any(recording.meta.get("source") in LED for recording in drawable.values())
-    # A renderer's look is its place in the whole report, not on this page.
-    drawing = _plan_drawing(entries, drawable, verdicts, judged, looks=looks_of([*order, *names]), is_led=is_led)
-    timed = [verdict for verdict in judged if verdict.time is not None and verdict.renderer in drawing.names]
-    worst = next(iter(gravest_first(timed)), None)
-    case = entries[0].suite, entries[0].case
-    label = "/".join(case)
-    charts = _draw_charts(drawable, drawing.model, prefix=prefix, label=label)
-    view = CaseView(
-        case=case,
-        entries=entries,
-        looks=drawing.looks,
-        model=drawing.model,
-        note=note,
-        enclosing_names=enclosing_names,
-        ticked_names=differing_renderers(judged, drawing.names, worst),
-        drawn_names=drawing.names,
-        own_tools=[name for name, recording in drawable.items() if is_led and recording.own_tool],
-        problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},
-        figures=_case_figures(drawing, prefix=prefix, label=label) | {chart.figure: svg for chart, svg in charts},
-        data=_script_data(drawing, names) if drawing.tracks else "",
-        parts=_drawn_parts(drawing.tracks),
-        charts=[chart for chart, _ in charts],
-        verdicts=verdicts,
-        checks=_check_sections(judged),
-        questions={v.check: read_page(CHECKS[v.check]).question for v in judged if v.check in CHECKS},
-        check_pages=check_pages,
-        worst=worst,
-        place_numbers={(place.renderer, place.time): place.number for place in drawing.places},
-    )
-    return environment().get_template("case_section.html.j2").render(view=view)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drawing:
-    """What figures and script draw of a case: its `tracks` on the `model` and in `panels`, each run by its look.
-
-    `places` are numbered; `crosses` are points, m, by renderer: where it refuses the model.
-    """
-
-    tracks: Sequence[Track]
-    panels: Sequence[Panel]
-    model: Model | None
-    looks: Mapping[str, Look]
-    places: Sequence[Place]
-    crosses: Mapping[str, Sequence[float]]
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The renderers of which something is drawn."""
-        return [track.name for track in self.tracks]
-
-
-def _drawable_recordings(recordings: Mapping[str, Recording | str]) -> dict[str, Recording]:
-    """Return the recordings that have a hand path and something measured, as they can be drawn, by renderer."""
-    return {
+    drawable = {
         name: drawable_recording(recording)
         for name, recording in recordings.items()
         if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
     }
-
-
-def _plan_drawing(
-    entries: Sequence[RunEntry],
-    drawable: Mapping[str, Recording],
-    verdicts: Mapping[str, Sequence[VerdictEntry]],
-    judged: Sequence[VerdictEntry],
-    *,
-    looks: Mapping[str, Look],
-    is_led: bool,
-) -> Drawing:
-    """Return what is drawn of the `drawable` recordings, with the samples that `verdicts` name.
-
-    Of the verdicts `judged` it marks the places; `is_led` where the hand follows a path.
-    """
     model = model_of(entries[0], next(iter(drawable.values()), None))
     # A foreign recording may be of another space than the model that its entry names.
     if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
         model = None
+    names = [entry.renderer for entry in entries]
     times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
     tracks = sample_tracks(
-        {entry.renderer: drawable[entry.renderer] for entry in entries if entry.renderer in drawable},
+        {name: drawable[name] for name in names if name in drawable},
         times,
         # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
-        held_on=model if entries[0].scene.bilateral and not is_led else None,
+        held_on=model if entries[0].scene.bilateral and not _is_led(drawable) else None,
     )
-    return Drawing(
-        tracks=tracks,
-        panels=case_panels(tracks) if tracks else (),
+    view = CaseView(
+        entries=entries,
+        verdicts=verdicts,
+        # A renderer's look is its place in the whole report, not on this page.
+        looks=looks_of([*order, *names]),
+        recordings=drawable,
+        problems={name: reason for name, reason in recordings.items() if isinstance(reason, str)},
         model=model,
-        looks=looks,
-        places=_failed_places(judged, {track.name for track in tracks}),
-        crosses={
-            entry.renderer: entry.refusal.position
-            for entry in entries
-            if entry.refusal is not None and entry.refusal.position is not None
-        },
+        note=note,
+        tracks=tracks,
+        prefix=prefix,
+        enclosing_names=enclosing_names,
+        check_pages=check_pages,
     )
+    return environment().get_template("case_section.html.j2").render(view=view)
 
 
-def _case_figures(drawing: Drawing, *, prefix: str, label: str) -> dict[str, str]:
-    """Draw paths and plots of what was recorded; without any of it, in the plane, where renderers refuse the model."""
-    tracks, model, looks, places, crosses = (
-        drawing.tracks, drawing.model, drawing.looks, drawing.places, drawing.crosses,
-    )  # fmt: skip
-    if tracks:
-        return {
-            "plane": plane_svg(
-                tracks, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
-            ),
-            "plots": panels_svg(
-                tracks,
-                drawing.panels,
-                looks,
-                places,
-                prefix=f"{prefix}t",
-                title=f"{label}: force and motion against time",
-            ),
-        }
-    # Nothing was recorded: every renderer refused, and some say where.
-    if crosses and model is not None and model.dimension == 2:
-        title = f"{label}: the outline of the model, and where renderers refuse it"
-        return {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
-    return {}
-
-
-def _draw_charts(
-    drawable: Mapping[str, Recording], model: Model | None, *, prefix: str, label: str
-) -> list[tuple[Charts, str]]:
-    """Draw the charts of each renderer that has some, as SVG elements beside what tells of them."""
-    charts: list[tuple[Charts, str]] = []
-    for name, recording in drawable.items():
-        if model is not None and has_charts(recording):
-            svg = atlas_svg(recording, model, prefix=f"{prefix}a{len(charts)}", title=f"{name} in {label}: the charts")
-            charts.append((Charts(name, f"charts of {name}", charts_words(recording)), svg))
-    return charts
+def _is_led(recordings: Mapping[str, Recording]) -> bool:
+    """Return whether the hand follows a given path in any of the recordings."""
+    return any(recording.meta.get("source") in LED for recording in recordings.values())
 
 
 def differing_renderers(
@@ -461,42 +482,6 @@ def model_of(entry: RunEntry, recording: Recording | None) -> Model | None:
         return None
 
 
-def _failed_places(verdicts: Iterable[VerdictEntry], drawn_renderers: set[str]) -> list[Place]:
-    """Number the places where something failed; verdicts of one place share its number."""
-    place_by_key: dict[tuple[str, float], Place] = {}
-    for verdict in verdicts:
-        time = verdict.time
-        if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in drawn_renderers:
-            key = (verdict.renderer, time)
-            # Numbers from 1 in the order of the verdicts.
-            place_by_key.setdefault(key, Place(len(place_by_key) + 1, *key))
-    return list(place_by_key.values())
-
-
-def _drawn_parts(tracks: Sequence[Track]) -> dict[tuple[float, float], list[str]]:
-    """Return which runs are too long to be drawn whole, by the seconds drawn of their beginning and their end."""
-    parts: dict[tuple[float, float], list[str]] = {}
-    for track in tracks:
-        if track.left_out is not None:
-            first, last = track.left_out
-            # s drawn at the beginning and at the end; each sample stands for one dt.
-            seconds = first - float(track.time[0]) + track.dt, float(track.time[-1]) - last + track.dt
-            parts.setdefault(seconds, []).append(track.name)
-    return parts
-
-
-def _check_sections(verdicts: Sequence[VerdictEntry]) -> list[CheckSection]:
-    """Return the verdicts by check: first the checks that are not as expected, then those that failed."""
-    checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
-    for verdict in verdicts:
-        # Only verdicts that show nothing of their own can share a row.
-        is_bare = verdict.metric is None and verdict.time is None
-        key = (verdict.outcome, verdict.message, verdict.level) if is_bare else (verdict.renderer,)
-        checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
-    sections = [CheckSection(check, list(rows.values())) for check, rows in checks.items()]
-    return sorted(sections, key=lambda section: min(_urgency_rank(row[0]) for row in section.rows))
-
-
 def _spanning_cells(values: Sequence[Any], column: int) -> Iterator[Cell | None]:
     """Yield the cells of a column: None where the one above reaches there."""
     for value, alike in groupby(values):
@@ -511,28 +496,3 @@ def _urgency_rank(verdict: VerdictEntry) -> int:
     if not verdict.as_expected:
         return 0
     return 1 if verdict.outcome is Outcome.FAIL else 2
-
-
-def _script_data(drawing: Drawing, names: Sequence[str]) -> str:
-    """Return what the page's script reads, as JSON: paths and runs, panels and model; `names` are those of all runs."""
-    # Keys are what assets/case.js reads.
-    drawn = tracks_document(drawing.tracks)
-    for run in drawn["runs"]:
-        look = drawing.looks[run["name"]]
-        run |= {"number": names.index(run["name"]), "role": look.role, "dash": look.dash, "marker": look.marker}
-    document = {
-        **drawn,
-        "dimension": int(drawing.tracks[0].hip.shape[1]),
-        "panels": [
-            {
-                "label": panel.label,
-                "terms": [(term.script_name, term.label) for term in panel.terms],
-                "range": panel.powers,
-            }
-            for panel in drawing.panels
-        ],
-        "model": model_document(drawing.model, drawing.tracks),
-        "crosses": drawing.crosses,
-    }
-    # As JSON writes it in a script element, which "<" could end.
-    return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -22,13 +21,10 @@ from hapticeval.reports.canvas import (
     DASHED,
     DOTTED,
     MM,
-    PAGE_STYLE,
     Look,
-    clear_axes,
     colour_of,
     draw_over_time,
     figure,
-    in_style,
     legend_above,
     page_svg,
 )
@@ -101,26 +97,13 @@ def figure_svg(
 
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
-    fig, axes = _page_figure()
-    with in_style(PAGE_STYLE):
-        try:
-            _draw(axes, recording, model, marks)
-            svg = page_svg(fig, prefix=prefix, title=title)
-        # The cached figure is emptied for the next run, also where drawing failed.
-        finally:
-            for panel in axes:
-                clear_axes(panel)
+    with figure(4.4, 6.6, page=True) as fig:
+        _draw(_add_frame(fig, AREAS_STACKED), recording, model, marks)
+        svg = page_svg(fig, prefix=prefix, title=title)
     if look is None:
         return svg
     # The HIP first: the renderer's colour may be that of its role.
     return svg.replace("var(--fig-hip)", "var(--fig-quiet)").replace("var(--fig-ihip)", f"var(--fig-{look.role})")
-
-
-@cache
-def _page_figure() -> tuple[Figure, Frame]:
-    """Make the figure that all figures of pages are drawn in, once: its axes take as long to make as their content."""
-    with figure(4.4, 6.6, page=True) as fig:
-        return fig, _add_frame(fig, AREAS_STACKED)
 
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:

@@ -15,7 +15,6 @@ verdicts = [
 from __future__ import annotations
 
 import difflib
-import json
 import math
 import re
 import textwrap
@@ -30,7 +29,7 @@ from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
 from hapticeval.discovery import known_renderers, shipped_lists
-from hapticeval.documents import convert, read_toml
+from hapticeval.documents import convert, read_toml, toml_text
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import write_text
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
@@ -353,20 +352,6 @@ HEAD = """\
 
 def _table(renderer: str, outcome: str, reason: str, verdicts: Sequence[str | KnownVerdict]) -> str:
     texts = {"renderer": renderer, "outcome": outcome, "reason": reason}
-    lines = [f"{name} = {_quoted(text)}" for name, text in texts.items()]
-    listed = [f"  {_inline(verdict)}," for verdict in sorted(verdicts, key=place_of)]
+    lines = [f"{name} = {toml_text(text)}" for name, text in texts.items()]
+    listed = [f"  {toml_text(to_builtins(verdict))}," for verdict in sorted(verdicts, key=place_of)]
     return "\n".join(["[[known]]", *lines, "verdicts = [", *listed, "]", ""])
-
-
-def _inline(listed: str | KnownVerdict) -> str:
-    """Return a verdict of the list as TOML: its place, or a table of a line with what it measured."""
-    if isinstance(listed, str):
-        return _quoted(listed)
-    values = to_builtins(listed)
-    pairs = (f"{name} = {_quoted(value) if isinstance(value, str) else repr(value)}" for name, value in values.items())
-    return f"{{ {', '.join(pairs)} }}"
-
-
-def _quoted(text: str) -> str:
-    """Return a basic string of TOML: those of JSON, but that the delete character is escaped as well."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -10,7 +10,6 @@ Below the folder of a search they are in RENDERER/:
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -20,7 +19,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import Struct
 
-from hapticeval.documents import convert, parse_json
+from hapticeval.documents import convert, parse_json, toml_text
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem, replacing
 from hapticeval.quantity import format_length, format_quantity, plural
@@ -257,11 +256,11 @@ def _suite_text(counterexample: StoredCounterexample, name: str) -> str:
         entries["experiment"] = msgspec.to_builtins(counterexample.experiment)
     text = [
         f"# Found by hapticeval search, seed {counterexample.seed}. Run it: hapticeval run {name}.toml -r RENDERER",
-        f"title = {_toml(f'What breaks {counterexample.renderer}')}",
+        f"title = {toml_text(f'What breaks {counterexample.renderer}')}",
         "",
         "[[case]]",
         # what is empty or None is the default
-        *(f"{key} = {_toml(value)}" for key, value in entries.items() if value not in ({}, None)),
+        *(f"{key} = {toml_text(value)}" for key, value in entries.items() if value not in ({}, None)),
         "",
     ]
     return "\n".join(text)
@@ -284,13 +283,3 @@ def _ply(vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]]
             "",
         ]
     )
-
-
-def _toml(value: Any) -> str:
-    """Return a JSON value as TOML, on one line; entries that are None are left out."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items() if entry is not None) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    # TOML writes strings, whole numbers and booleans as JSON does.
-    return json.dumps(value, ensure_ascii=False)

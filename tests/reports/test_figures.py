@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.plane import filled_part, labels, samples_along_path
-from hapticeval.reports.run_figure import Mark, _page_figure, figure_svg, marks_of
+from hapticeval.reports.run_figure import Mark, figure_svg, marks_of
 
 
 def words(svg):
@@ -34,17 +33,6 @@ def test_the_same_recording_gives_the_same_small_themed_figure():
     assert {"HIP", "IHIP", "F₁", "F₂", "|F|", "force (N)", "time (s)", "y₁ (mm)", "1"} <= set(words(svg))
     assert set(re.findall(r"var\(--fig-(\w+)\)", svg)) <= set(THEME)
     assert not re.findall(r"#[0-9a-f]{6}", svg), "the page gives every colour"
-
-
-def test_nothing_of_a_figure_is_left_in_the_next():
-    marks, model = [Mark(1, 0.001, True), Mark(2, 0.002, False)], make_model("cassinian")
-    others = [partial(figure_svg, tip_recording(), model, marks=marks), partial(figure_svg, tip_recording(), None)]
-    alone = figure_svg(lobe_recording(), model)
-    for other in others:
-        _page_figure.cache_clear()
-        before = other()
-        assert figure_svg(lobe_recording(), model) == alone
-        assert other() == before
 
 
 def test_the_label_of_the_plane_does_not_reach_into_the_legend_below(monkeypatch):

@@ -53,7 +53,6 @@ joints and motors, where no column is mapped to them.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -63,7 +62,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from hapticeval.documents import convert, read_toml
+from hapticeval.documents import convert, read_toml, toml_text
 from hapticeval.errors import HapticevalError, InputError, at
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.importing.units import parse_quantity, parse_unit
@@ -329,10 +328,10 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         f'# Proposed for {file} ({table.format}). Replace each "?"; lines after # are remarks.',
         f"# Channels: {', '.join(CHANNELS)}.",
         '# Any other name is described: becomes = "N", meaning = "force of the wall", frame = "world" or "none".',
-        f"title = {_quoted(file)}",
+        f"title = {toml_text(file)}",
         f"# Its format is code of yours, which no mapping names: give --format {table.format} beside the mapping."
         if ":" in table.format
-        else f"format = {_quoted(table.format)}",
+        else f"format = {toml_text(table.format)}",
         "",
         "[time]",
         *_time(table, clock_names),
@@ -345,7 +344,7 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         used |= {*columns, own}
         lines += ["", *_channel(table, channel, columns, ours=ours)]
         if own is not None:
-            lines += [f"time = {_quoted(own)}", 'resample = "?"  # "hold" (the latest value) or "linear"']
+            lines += [f"time = {toml_text(own)}", 'resample = "?"  # "hold" (the latest value) or "linear"']
     if not channels.keys() & {"hip", "joint_position"}:
         lines += ["", "# No column is named like the hand's position. Take the # off, and name its columns, x first:"]
         lines += [
@@ -357,17 +356,13 @@ def propose(table: Table, *, file: str = "FILE") -> str:
     valid = next((name for name in table.columns if ours and name.rpartition(".")[2] == "valid"), None)
     if valid is not None:
         used.add(valid)
-        lines += ["", "[gaps]", f"column = {_quoted(valid)}", "where = 0"]
+        lines += ["", "[gaps]", f"column = {toml_text(valid)}", "where = 0"]
     left = [name for name in table.columns if name not in used]
     if left:
         lines += ["", "# Columns that no channel is proposed for:"]
-        lines += [f"#   {_quoted(name)}: {_remark(table, name)}" for name in left]
+        lines += [f"#   {toml_text(name)}: {_remark(table, name)}" for name in left]
     lines += ["", "[meta]", '# device = "", who = "", when = "2025-01-31T14:05:00+01:00"', ""]
     return "\n".join(lines)
-
-
-def _quoted(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def clocks(table: Table) -> list[str]:
@@ -390,7 +385,7 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     if not clock_names:
         return ["rate = 0  # Hz: the file has no column that looks like a clock; or give column and unit"]
     clock, *others = clock_names
-    lines = [f"column = {_quoted(clock)}  # {_remark(table, clock)}"]
+    lines = [f"column = {toml_text(clock)}  # {_remark(table, clock)}"]
     others = [name for name in others if table.rows(name) == table.rows(clock)]
     if others:
         lines.append(f"# also increasing: {', '.join(others[:6])}")
@@ -400,7 +395,7 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     if clock == "tick" and unit == NOT_STATED:
         lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
     else:
-        lines.append(f"unit = {_quoted(unit)}")
+        lines.append(f"unit = {toml_text(unit)}")
     return [*lines, 'start = "zero"']
 
 
@@ -455,9 +450,9 @@ def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> l
         )
     return [
         f"[channels.{channel}]  # {CHANNELS[channel].meaning} ({CHANNELS[channel].unit})",
-        *(f"#   {_quoted(name)}: {_remark(table, name)}" for name in columns),
-        f"columns = {_quoted(columns)}",
-        f"unit = {_quoted(units.pop() if len(units) == 1 else NOT_STATED)}",
+        *(f"#   {toml_text(name)}: {_remark(table, name)}" for name in columns),
+        f"columns = {toml_text(columns)}",
+        f"unit = {toml_text(units.pop() if len(units) == 1 else NOT_STATED)}",
         sign,
     ]
 
