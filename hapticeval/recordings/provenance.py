@@ -98,11 +98,9 @@ def incomplete(recording: Recording) -> bool:
 def before_the_wall(recording: Recording) -> Recording:
     """Return the same run in the plane, with every channel of the world's frame (n, 1) as (n, 2).
 
-    Raises `InputError` for a recording that is not in one dimension, and for a `wall` that does not give its place as
-    `at` (m) and its outward direction as `outward` (1 or -1).
+    Raises `InputError` for a `wall` that does not give its place as `at` (m) and its outward direction as `outward` (1
+    or -1).
     """
-    if recording.dimension != 1:
-        raise InputError(f"the recording is in {recording.dimension} dimensions, and not in one")
     wall = recording.meta.get("wall", {})
     at, outward = wall.get("at", 0.0), wall.get("outward", 1)
     numbers = all(isinstance(number, int | float) and math.isfinite(number) for number in (at, outward))

@@ -79,7 +79,6 @@ def test_a_function_of_place_is_found_again_whatever_the_clock(seed, direction, 
 def test_laps_are_counted_and_a_sector_across_the_cut_of_the_angles_stays_in_one_piece():
     found = aligned(slide(np.linspace(0.0, 6.0 * math.pi, 9001)))
     assert ways(found) == about((1, 0, 1.0), (1, 1, 1.0), (1, 2, 1.0))
-    assert found.period == 2.0 * math.pi
     turn = 2.0 * math.pi
     found = aligned(slide(np.linspace(-0.6, 0.7, 1000)), slide(np.linspace(turn - 0.5, turn + 0.6, 900)))
     assert found.grid[-1] - found.grid[0] == pytest.approx(1.3)
@@ -164,7 +163,7 @@ def test_a_phase_is_any_column_of_a_channel(refused):
     ihip = np.column_stack([hip[:, 0], np.zeros(300)])
     recording = Recording(1e-3 * np.arange(300), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)})
     found = align([Run("line", "one", recording)], Abscissa("hip:0"))
-    assert (found.unit, found.period) == ("m", None)
+    assert found.unit == "m"
     assert found.passes[0].coverage == 1.0
     np.testing.assert_allclose(found.passes[0].columns["depth"], 0.001)
     with refused(InputError):

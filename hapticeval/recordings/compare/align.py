@@ -300,11 +300,10 @@ class Pass:
 
 @dataclass(frozen=True)
 class Aligned:
-    """Runs over a common abscissa: `grid` (m,) in `unit`, `period` once round it (None: open)."""
+    """Runs over a common abscissa: `grid` (m,) in `unit`."""
 
     by: str
     unit: str
-    period: float | None
     grid: Array
     runs: tuple[Run, ...]
     passes: tuple[Pass, ...]
@@ -356,7 +355,7 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False) -> Al
     if not passes:
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
     grid.flags.writeable = False
-    return Aligned(abscissa.by, abscissa.unit, abscissa.period, grid, tuple(runs), tuple(passes))
+    return Aligned(abscissa.by, abscissa.unit, grid, tuple(runs), tuple(passes))
 
 
 def _advice(runs: Sequence[Run]) -> str:

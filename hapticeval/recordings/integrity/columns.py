@@ -322,7 +322,7 @@ def issues_of_rest(recording: Recording, known: Sequence[Issue]) -> Iterator[Iss
                     f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
                 )
                 if not any(a is not None and b is not None and a < end and first < b for a, b in reported):
-                    yield make_issue(recording, "stuck", message, name, (first, end), travel=moved)
+                    yield make_issue(recording, "stuck", message, name, (first, end))
 
 
 def _changing_depth(recording: Recording, spans: Sequence[Span]) -> list[Span]:
@@ -384,7 +384,7 @@ def _constant_column(recording: Recording, name: str, column: Column, travel: Ar
     if unit in MOVING_UNITS and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
         what += ": no contact, or a sensor that is not connected"
     note = None if unit in MOVING_UNITS and value != 0.0 else Severity.NOTE
-    yield make_issue(recording, "constant", what, name, severity=note, value=value, travel=distance)
+    yield make_issue(recording, "constant", what, name, severity=note)
 
 
 def _stuck_runs(
@@ -484,4 +484,4 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
         f"{int(again.sum())} of {len(recording)} rows repeat the row before in all {len(columns)} columns, {count} "
         f"of them in the middle of a motion, first row {first} ({recording.time[first]:.6g} s)"
     )
-    yield make_issue(recording, "repeated rows", message, "time", rows=int(again.sum()), moving=count)
+    yield make_issue(recording, "repeated rows", message, "time", rows=int(again.sum()))

@@ -63,7 +63,7 @@ RELATIONS = {
 class ConsistencyTest:
     """An inverse check, see `RELATIONS`: made over `rows` rows, or not made, and `why`.
 
-    `largest` and `median` residual are in `unit`, and so is the `quantum` that the numbers of its channels resolve.
+    The `largest` residual is in `unit`, and so is the `quantum` that the numbers of its channels resolve.
     `noisy` says that some residuals are beyond that, but within the noise. `issues` are what contradicts it.
     """
 
@@ -71,7 +71,6 @@ class ConsistencyTest:
     unit: str = ""
     rows: int = 0
     largest: float = 0.0
-    median: float = 0.0
     quantum: float = 0.0
     noisy: bool = False
     issues: tuple[Issue, ...] = ()
@@ -269,16 +268,11 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         ("a force though the HIP is outside the model", np.flatnonzero(away)),
     ):
         if at.size:
-            largest, span = float(off[at].max()), (int(at[0]), int(at[-1]) + 1)
-            message = f"{words}, by up to {1e3 * largest:.3g} mm, at {at.size} rows"
-            issues.append(
-                make_issue(recording, CONTACT_RELATION, message, "force", span, residual=largest, rows=int(at.size))
-            )
-    off = off[rows]
-    largest_residual, median = float(off.max(initial=0.0)), float(np.median(off))
-    return ConsistencyTest(
-        CONTACT_RELATION, "m", int(rows.size), largest_residual, median, allowed / RESIDUAL_QUANTA, issues=tuple(issues)
-    )
+            message = f"{words}, by up to {1e3 * float(off[at].max()):.3g} mm, at {at.size} rows"
+            span = int(at[0]), int(at[-1]) + 1
+            issues.append(make_issue(recording, CONTACT_RELATION, message, "force", span, rows=int(at.size)))
+    largest, quantum = float(off[rows].max(initial=0.0)), allowed / RESIDUAL_QUANTA
+    return ConsistencyTest(CONTACT_RELATION, "m", int(rows.size), largest, quantum, issues=tuple(issues))
 
 
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
@@ -320,7 +314,7 @@ def _checked(
     noisy = largest > bound
     # Beyond quanta, rounding and noise it is a contradiction, whatever its size.
     bound += _noise(residual, signal) if noise is None else noise
-    check = ConsistencyTest(name, unit, int(rows.size), largest, median, step, noisy)
+    check = ConsistencyTest(name, unit, int(rows.size), largest, step, noisy)
     bad = rows[off > bound]
     if bad.size == 0:
         return check
@@ -329,7 +323,7 @@ def _checked(
         f"off by up to {largest:.3g} {unit}{quanta}, at {bad.size} of {rows.size} rows (typically {median:.3g} {unit})"
     )
     span = int(bad[0]), int(bad[-1]) + 1
-    issue = make_issue(recording, name, message, channel, span, residual=largest, bound=bound, rows=int(bad.size))
+    issue = make_issue(recording, name, message, channel, span, bound=bound, rows=int(bad.size))
     return replace(check, issues=(issue,))
 
 

@@ -156,7 +156,7 @@ def _pointing(recording: Recording) -> Sign | None:
         f"it points away from the IHIP, into what is touched, in {np.sum(along < 0.0)} of {along.size} rows of contact"
     )
     span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SEE_SIGN}. It is to be the force on the hand"
-    return _suspected(recording, "force", words, "", span, todo, share=share)
+    return _suspected(recording, "force", words, "", span, todo)
 
 
 def _approach(recording: Recording, channel: str) -> Sign | None:
@@ -174,4 +174,4 @@ def _approach(recording: Recording, channel: str) -> Sign | None:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
     places = ", at " + ", ".join(f"{time:.4g} s" for time in touches.retreats[:8])
-    return _suspected(recording, channel, words, places, None, into=into, out=out)
+    return _suspected(recording, channel, words, places, None)

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,13 +48,12 @@ made of several encoders q is the usual step from row to row, where it steps at 
 
 
 class Fit(NamedTuple):
-    """A velocity on its position's derivative: the `ratio` of their increments over windows of `window` rows, their
-    `correlation` (0 to 1), and the velocity's `lag` in ticks."""
+    """A velocity on its position's derivative: the `ratio` of their increments, their `correlation` (0 to 1), and the
+    velocity's `lag` in ticks."""
 
     ratio: float
     correlation: float
     lag: int
-    window: int
 
 
 def lagged(x: Array, y: Array, lag: int) -> tuple[Array, Array]:
@@ -84,8 +83,6 @@ def derivative_fit(position: Array, speed: Array, time: Array) -> Fit | None:
     """
     # A filter that starts there knows nothing of what was before.
     position, speed, time = (values[2 * LAGS_TRIED :] for values in (position, speed, time))
-    if position.size == 0:
-        return None
     steps = np.abs(np.diff(position))
     noise = float(np.median(steps[steps > 0.0])) / np.sqrt(6.0) if np.any(steps > 0.0) else 0.0
     # The speed at a row is that of the step that led there.
@@ -119,7 +116,7 @@ def _regressed(moved: Array, integrated: Array, window: int) -> Fit:
     x, y = (series - series.mean() for series in pairs[place])
     # Least-squares slope through the means.
     ratio = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
-    return Fit(ratio, float(likes[place]), lags[place], window)
+    return Fit(ratio, float(likes[place]), lags[place])
 
 
 PLACES_AND_VELOCITIES = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
@@ -140,9 +137,9 @@ def velocities(recording: Recording) -> Iterator[Issue]:
         names = [name for name, column in columns_of(recording).items() if column.channel == speed]
         for name, position, values in zip(names, positions.T, speeds.T, strict=True):
             fit = derivative_fit(position[rows], values[rows], time)
-            message = "" if fit is None else _misfit(fit, place)
-            if fit is not None and message:
-                yield make_issue(recording, "velocity", message, name, **fit._asdict())
+            message = _misfit(fit, place) if fit else ""
+            if message:
+                yield make_issue(recording, "velocity", message, name)
 
 
 def _longest_stretch(recording: Recording) -> slice:
@@ -246,7 +243,6 @@ def copies(recording: Recording) -> Iterator[Issue]:
             # The mapping names one column of the file for both: then the copy is meant.
             note = match.lag == 0 and a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
             why = ", as the mapping says" if note else ""
-            measures: dict[str, Any] = {"rows": match.lag} if match.lag else {}
             yield make_issue(
                 recording,
                 "shifted copy" if match.lag else "copy",
@@ -254,7 +250,6 @@ def copies(recording: Recording) -> Iterator[Issue]:
                 other,
                 severity=Severity.NOTE if note else None,
                 todo="" if note else None,
-                **measures,
             )
             break
 
@@ -294,7 +289,7 @@ def force_lag(recording: Recording) -> Iterator[Issue]:
         return
     when = "after" if at > 0 else "before"
     message = f"the force comes {abs(at)} ticks {when} the IHIP - HIP that it is made of (correlation {best:.3f})"
-    yield make_issue(recording, "force lag", message, "force", lag=at, correlation=best)
+    yield make_issue(recording, "force lag", message, "force", lag=at)
 
 
 UNIT_LIMITS: Mapping[str, tuple[float, str]] = {
@@ -325,14 +320,14 @@ def units(recording: Recording) -> Iterator[Issue]:
         size = float(np.ptp(numbers) if unit in ("m", "rad") else np.max(np.abs(numbers)))
         limit, message = UNIT_LIMITS[unit]
         if size > limit:
-            yield make_issue(recording, "unit", message.format(size), name, todo=todo, size=size)
+            yield make_issue(recording, "unit", message.format(size), name, todo=todo)
         elif (
             channel == "hip"
             and 0.0 < size < LEAST_EXTENT
             and np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST_EXTENT
         ):
             message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was taken for?"
-            yield make_issue(recording, "unit", message, name, todo=todo, size=size)
+            yield make_issue(recording, "unit", message, name, todo=todo)
 
 
 RATE_RANGE = (10.0, 1e5)
@@ -377,8 +372,7 @@ def time_unit(recording: Recording) -> Iterator[Issue]:
         if (words := described(factor))
     ]
     message = "; ".join([now, *others]) if others else f"{now}: no haptic device has that"
-    todo = "see the unit of [time] in the mapping"
-    yield make_issue(recording, "unit", message, "time", todo=todo, rate=rate, speed=speed)
+    yield make_issue(recording, "unit", message, "time", todo="see the unit of [time] in the mapping")
 
 
 def _speed(recording: Recording) -> float | None:
