@@ -39,15 +39,6 @@ def badge_words(results: ResultsDocument) -> tuple[str, str]:
     return text, "brightgreen" if passed == judged else "yellow"
 
 
-def shields_json(results: ResultsDocument) -> str:
-    """Return the JSON that shields.io/endpoint reads."""
-    text, colour = badge_words(results)
-    return (
-        json.dumps({"schemaVersion": 1, "label": badge_label(results), "message": text, "color": colour}, indent=1)
-        + "\n"
-    )
-
-
 def badge_svg(results: ResultsDocument) -> str:
     """Return the badge as SVG. Text is fitted to widths reckoned at 6.6 px a character, whatever font there is."""
     label = badge_label(results)
@@ -73,8 +64,10 @@ def badge_svg(results: ResultsDocument) -> str:
 
 def write_badge(directory: Path, results: ResultsDocument) -> list[Path]:
     """Write badge.svg and badge.json and return their paths. Raises `HapticevalError` where that cannot be done."""
-    written = []
-    for name, text in (("badge.svg", badge_svg(results)), ("badge.json", shields_json(results))):
+    words, colour = badge_words(results)
+    # What shields.io/endpoint reads.
+    document = {"schemaVersion": 1, "label": badge_label(results), "message": words, "color": colour}
+    texts = {"badge.svg": badge_svg(results), "badge.json": json.dumps(document, indent=1) + "\n"}
+    for name, text in texts.items():
         write_text(directory / name, text)
-        written.append(directory / name)
-    return written
+    return [directory / name for name in texts]

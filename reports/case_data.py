@@ -40,7 +40,7 @@ VIEW_RATIO = 3.0
 
 @dataclass(frozen=True)
 class Track:
-    """One run, at the samples that are shown: `rows` (n,) of the recording, and its channels there.
+    """One run: its channels at the samples that are shown.
 
     What was not recorded is None.
 
@@ -51,7 +51,6 @@ class Track:
     """
 
     name: str
-    rows: IntArray
     time: Array
     hip: Array
     apart: Array | None
@@ -159,7 +158,6 @@ def _sample_track(name: str, recording: Recording, chosen: DrawnRows) -> Track:
     has_ihip = "ihip" in recording.channels
     return Track(
         name=name,
-        rows=rows,
         time=recording.time[rows],
         hip=recording.hip[rows],
         apart=(recording.ihip - recording.hip)[rows] if has_ihip else None,

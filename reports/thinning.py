@@ -40,9 +40,7 @@ class DrawnRows(NamedTuple):
     left_out: tuple[float, float] | None
 
 
-def drawn_rows(
-    runs: Sequence[Recording], ticks: Collection[int], count: int = THINNED_SAMPLES, extra_signals: Sequence[Array] = ()
-) -> DrawnRows:
+def drawn_rows(runs: Sequence[Recording], ticks: Collection[int], *, extra_signals: Sequence[Array] = ()) -> DrawnRows:
     """Return the rows to draw of runs along one hand path: `thinned_rows` where lines between them follow the path.
 
     So many samples cannot follow some paths, as a hundred laps. Of these are drawn:
@@ -52,17 +50,17 @@ def drawn_rows(
 
     `extra_signals`, each (n,) for the n rows of the runs, such as a speed in m/s, have to be followed too.
     """
-    rows = thinned_rows(runs, ticks, count, extra_signals)
+    rows = thinned_rows(runs, ticks, extra_signals=extra_signals)
     if _largest_departure(runs, rows) <= DEPARTURE_LIMIT:
         return DrawnRows(rows, np.zeros(0, dtype=np.int64), None)
     # Lines cannot follow the whole path: start from `length` rows at either end, one after the other.
-    n, length = len(runs[0]), count // 2
+    n, length = len(runs[0]), THINNED_SAMPLES // 2
 
     def rows_of_end(first: int, last: int) -> IntArray | None:
         part = slice(first, last)
         inside = [tick - first for tick in ticks if first <= tick < last]
         parts = [run.part(part) for run in runs]
-        end_rows = thinned_rows(parts, inside, count // 2, [signal[part] for signal in extra_signals])
+        end_rows = thinned_rows(parts, inside, THINNED_SAMPLES // 2, [signal[part] for signal in extra_signals])
         return end_rows + first if _largest_departure(parts, end_rows) <= 0.1 * DEPARTURE_LIMIT else None
 
     ends = np.arange(length), np.arange(n - length, n)
@@ -109,7 +107,7 @@ def thinned_rows(
     # All runs share their rows: what one of them needs, all of them get.
     chosen = np.unique(np.concatenate([_certain_rows(run, ticks) for run in runs]))
     for signal in (signal for run in runs for signal in _signals_with_extremes(run)):
-        chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
+        chosen = np.union1d(chosen, _extremes(signal))
     # Every column is scaled by its tolerance, so that one threshold of 1 holds for all.
     values = np.column_stack(
         [*(_channels_in_tolerances(run) for run in runs), *(_in_tolerances(signal) for signal in extra_signals)]
@@ -230,8 +228,8 @@ def _certain_rows(recording: Recording, ticks: Collection[int]) -> IntArray:
     return with_previous[(with_previous >= 0) & (with_previous < n)]
 
 
-def _extremes(signal: Array, intervals: int) -> IntArray:
-    """Return the rows of the largest and the smallest value in each of so many intervals of equal length."""
-    edges = np.linspace(0, signal.size, intervals + 1).astype(np.int64)
+def _extremes(signal: Array) -> IntArray:
+    """Return the rows of the largest and the smallest value in each of `INTERVALS` of equal length."""
+    edges = np.linspace(0, signal.size, INTERVALS + 1).astype(np.int64)
     parts = [(begin, signal[begin:end]) for begin, end in pairwise(edges) if end > begin]
     return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])

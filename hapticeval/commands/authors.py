@@ -18,7 +18,8 @@ import typer
 
 from hapticeval.commands.arguments import argument
 from hapticeval.commands.terminal import Terminal, columns, lines, say, wrote_lines
-from hapticeval.errors import InputError, UnknownNameError, unwritable
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.files import write_text
 
 ANSWER_SECONDS = 60.0
 """Seconds for an answer, unless given: a renderer's own kernels to compile and a large program to start included."""
@@ -200,17 +201,13 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     build = f"      - run: {starter.build}\n" if starter.build else ""
     renderer = renamed(starter.renderer)
     texts[str(WORKFLOW)] = WORKFLOW_TEXT.format(build=build, renderer=renderer, judged=starter.judged)
-    written = []
     for path, text in texts.items():
-        file = directory / path
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise unwritable(str(file), error) from error
-        written.append(file)
+        write_text(directory / path, text)
     steps = [f"cd {shlex.quote(str(directory))}", starter.build, f"hapticeval doctor -r {renderer}"]
-    return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {renderer}"]
+    return [directory / path for path in texts], [
+        *filter(None, steps),
+        f"hapticeval run {starter.judged} -r {renderer}",
+    ]
 
 
 def _module_name(folder: str) -> str:

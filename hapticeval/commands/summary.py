@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -151,37 +151,26 @@ def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tu
 
 
 def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
-    """A table a suite that has rows which some renderer has decided."""
-    titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
-    named = {title for _, rows in titles for title in rows}
-    # Rows that no suite groups stand in a table without a title.
-    ungrouped = [title for title in results.table if title not in named]
-    for name, rows in [*titles, ("", ungrouped)]:
-        answered = {title: row for title in rows if (row := results.table.get(title))}
-        if answered:
-            heading = f"{name}\n" if name and len(titles) > 1 else ""
-            yield heading + _summary_table(answered, results.published_table, width)
+    """A table a suite that has rows which some renderer has decided; a cell says where it differs from print."""
+    from hapticeval.reports.table import summaries
 
-
-def _summary_table(
-    table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]], width: int
-) -> str:
-    """Rows by renderers; a cell that differs from what is in print says so."""
-    renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
-    rows = [
-        [
-            (title, None),
-            *(_answer_cell(row.get(name, "-"), published_table.get(title, {}).get(name)) for name in renderers),
+    tables = summaries(results)
+    for table in tables:
+        rows = [
+            [(row.title, None), *(_answer_cell(*cell) for cell in row.cells)]
+            for row in table.rows
+            if any(answer for answer, _ in row.cells)
         ]
-        for title, row in table.items()
-    ]
-    return _aligned_cells(["", *renderers], rows, width)
+        title = table.suite.title if table.suite is not None and len(tables) > 1 else ""
+        yield f"{title}\n" * bool(title) + _aligned_cells(["", *table.renderers], rows, width)
 
 
-def _answer_cell(answer: str, published: str | None) -> tuple[str, str | None]:
+def _answer_cell(answer: str | None, published: str | None) -> tuple[str, str | None]:
     """Return an answer of the summary table, with the published one where it differs, and its colour."""
-    # "-" is no answer, and contradicts nothing.
-    if published in (None, answer) or answer == "-":
+    # No answer contradicts nothing.
+    if answer is None:
+        return "-", None
+    if published in (None, answer):
         return answer, {"Yes": "green", "No": "yellow"}.get(answer)
     return f"{answer} (published {published})", "red"
 

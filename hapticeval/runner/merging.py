@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -65,12 +65,16 @@ def merge_results(document_by_folder: Mapping[str, ResultsDocument]) -> ResultsD
     _refuse_overlap(document_by_folder)
     _refuse_missing_shards(document_by_folder)
     suites = _suites(document_by_folder)
-    # The order in which one run would have come to them.
-    place = _places(suites)
+    # The order in which one run would have come to them; what no suite lists comes last.
+    planned = ((suite.name, case, name) for suite in suites for case in suite.cases for name in suite.renderers)
+    place = {key: at for at, key in enumerate(planned)}
     documents = list(document_by_folder.values())
-    runs = sorted((run for document in documents for run in document.runs), key=lambda run: place(run.key))
+    runs = sorted(
+        (run for document in documents for run in document.runs), key=lambda run: place.get(run.key, len(place))
+    )
     verdicts = sorted(
-        (verdict for document in documents for verdict in document.verdicts), key=lambda verdict: place(verdict.key)
+        (verdict for document in documents for verdict in document.verdicts),
+        key=lambda verdict: place.get(verdict.key, len(place)),
     )
     reasons = [f"{name}: {document.reason}" for name, document in document_by_folder.items() if not document.complete]
     published: Table = {}
@@ -209,22 +213,6 @@ def _suites(document_by_folder: Mapping[str, ResultsDocument]) -> list[SuiteEntr
                 msgspec.structs.replace(before, cases=cases, renderers=renderers),
             )
     return [suite for _, suite in folder_and_suite.values()]
-
-
-def _places(suites: Sequence[SuiteEntry]) -> Callable[[RunKey], tuple[int, int, int]]:
-    """Return the function that gives the position of a run in a plan of these suites, to sort by."""
-    numbers = {suite.name: (at, _numbered(suite.cases), _numbered(suite.renderers)) for at, suite in enumerate(suites)}
-
-    def place(key: RunKey) -> tuple[int, int, int]:
-        # What no suite lists comes last.
-        at, cases, renderers = numbers.get(key[0], (len(numbers), {}, {}))
-        return at, cases.get(key[1], len(cases)), renderers.get(key[2], len(renderers))
-
-    return place
-
-
-def _numbered(names: Sequence[str]) -> dict[str, int]:
-    return {name: at for at, name in enumerate(names)}
 
 
 def _union(lists: Iterable[Sequence[T]]) -> list[T]:

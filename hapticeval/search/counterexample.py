@@ -21,7 +21,7 @@ from msgspec import Struct
 
 from hapticeval.documents import convert, parse_json, toml_text
 from hapticeval.errors import InputError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import file_stem, write_text
 from hapticeval.quantity import format_length, format_quantity, plural
 from hapticeval.search.hunt import JUMP_CHECK, FailingCase
 from hapticeval.search.trial import RENDERER, Fault
@@ -153,8 +153,7 @@ def write(counterexample: StoredCounterexample, folder: FilePath) -> list[FilePa
     if _is_drawn_mesh(counterexample.model):
         files[f"{name}.ply"] = _ply(counterexample.model["vertices"], counterexample.model["triangles"])
     for file, text in files.items():
-        with replacing(place / file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(place / file, text)
     return [place / file for file in files]
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError, kind_of, place_in_stack
-from hapticeval.phenomena.verdict import Level, Outcome, fault_kind
+from hapticeval.phenomena.verdict import Outcome, fault_kind
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
@@ -44,7 +44,7 @@ class Fault(Struct, frozen=True):
     """What fails in a case: the `check`, its message, and the metric's `value` and `unit`.
 
     `kind` tells faults of one check apart: mini and major pop-throughs, contacts let go and not met, types of errors.
-    `time` (s) is that of the evidence, if it has one; `level` is the weight of the verdict.
+    `time` (s) is that of the evidence, if it has one.
     """
 
     check: str
@@ -53,7 +53,6 @@ class Fault(Struct, frozen=True):
     value: float | None = None
     unit: str = ""
     time: float | None = None
-    level: str = Level.MUST
 
     def same(self, other: Fault) -> bool:
         """Whether it is the same fault, by check and kind."""
@@ -219,7 +218,6 @@ def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
                 None if metric is None or not np.isfinite(metric.value) else float(metric.value),
                 "" if metric is None else metric.unit,
                 float(time_) if isinstance(time_, int | float) else None,
-                str(verdict.level),
             )
         )
     return TrialResult(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})

@@ -310,17 +310,17 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     return names, units, first
 
 
-def _rows(path: Path, lines: list[str], names: Sequence[str], *, above: int) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of lines that follow `above` others; raises `InputError` for the first that is no row."""
+def _rows(path: Path, lines: list[str], names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of the lines below the first; raises `InputError` for one that is no row."""
     rows = []
-    for number, line in enumerate(lines[above:]):
+    for number, line in enumerate(lines[1:]):
         try:
             row = [float(word) for word in line.split()]
         except ValueError:
             row = []
         if len(row) != len(names):
             raise InputError(
-                f"{path}: row {number} (line {number + above + 1}) is {line.strip()!r}",
+                f"{path}: row {number} (line {number + 2}) is {line.strip()!r}",
                 why=f"a row has {len(names)} numbers: {', '.join(names)}",
                 todo="mend or cut that row",
             )
@@ -363,7 +363,7 @@ def read_devicelog(path: Path) -> Table:
         raise _other(path, lines[0], "DeviceLog", f"it holds words of {', '.join(DEVICELOG)}")
     names = [f"{word}{part}" for word in words for part in COMPONENTS[DEVICELOG[word]]]
     units = {name: "s" for name in names if name.startswith("TIME")}
-    return Table(_rows(path, lines, names, above=1), units=units, warnings=cut)
+    return Table(_rows(path, lines, names), units=units, warnings=cut)
 
 
 SVC_NOTES = {
@@ -394,7 +394,7 @@ def read_svc(path: Path) -> Table:
         raise _other(path, lines[0], ".svc file", "it is the number of rows")
     # The file's own count of rows shows whether some are missing.
     promised, count = int(lines[0]), len(lines) - 1
-    columns = _rows(path, lines, tuple(SVC_NOTES), above=1)
+    columns = _rows(path, lines, tuple(SVC_NOTES))
     few = (f"the first line promises {promised} rows, {count} are whole",) if count != promised else ()
     return Table(columns, notes=SVC_NOTES, attributes={"promised_rows": promised}, warnings=cut + few)
 

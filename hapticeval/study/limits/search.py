@@ -185,24 +185,13 @@ def _distance_after_release(factory: RendererFactory, scene: Scene, place: Place
 
 
 def _rotation(start: Array, end: Array) -> Array:
-    """Return the rotation, in the plane of two unit vectors, that takes one to the other."""
-    count = start.size
-    # The plane is spanned by `start` and the part of `end` across it.
-    across = end - (end @ start) * start
-    size = float(np.linalg.norm(across))
-    if size < 1e-12:
-        # Equal: nothing to turn. Opposite: any plane will do, by the axis farthest from `start`.
-        if end @ start > 0.0:
-            return np.eye(count)
-        across = np.eye(count)[int(np.argmin(np.abs(start)))]
-        across = across - (across @ start) * start
-        size = float(np.linalg.norm(across))
-    across = across / size
-    basis = np.column_stack([start, across])
-    # R = 1 - B Bᵀ + B T Bᵀ: the identity outside of the plane, a turn T within.
-    cos, sin = float(end @ start), float(end @ across)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)
+    """Return the rotation, in the plane of two unit vectors, that takes one to the other; -1 for opposite ones."""
+    cosine, middle = float(end @ start), start + end
+    if 1.0 + cosine < 1e-12:
+        # Gains are even in the normal: turned by -1 they are those of the wall's back.
+        return -np.eye(start.size)
+    # R = 1 - (a + b)(a + b)ᵀ / (1 + a·b) + 2 b aᵀ: the identity outside of the plane of a and b.
+    return np.asarray(np.eye(start.size) - np.outer(middle, middle) / (1.0 + cosine) + 2.0 * np.outer(end, start))
 
 
 def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
