@@ -141,7 +141,16 @@ def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str
         rows=[row.title for row in suite.rows],
         cases=list(cases),
         renderers=list(renderers),
-        cells=cells_of(suite),
+        cells={
+            row.title: [
+                f"{case.name}/{check}"
+                for case in suite.cases
+                if case.judged and any(fnmatchcase(case.name, pattern) for pattern in row.cases)
+                for check in row.checks
+                if check in case.checks
+            ]
+            for row in suite.rows
+        },
         version=suite.version,
         digest=digest_of_suite(suite),
         case_digests={case.name: digest_of_case(case) for case in suite.cases if case.name in cases},
@@ -198,20 +207,6 @@ def _git(folder: Path, *words: str) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
-
-
-def cells_of(suite: Suite) -> dict[str, list[str]]:
-    """Return for each row of a suite the `case/check` that decide it."""
-    return {
-        row.title: [
-            f"{case.name}/{check}"
-            for case in suite.cases
-            if case.judged and any(fnmatchcase(case.name, pattern) for pattern in row.cases)
-            for check in row.checks
-            if check in case.checks
-        ]
-        for row in suite.rows
-    }
 
 
 def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -> Table:

@@ -199,9 +199,9 @@ class Search:
             for failing_case, shrink, is_small in waiting:
                 if failing_case.complete:
                     continue
-                if most_trials == TRIALS_PER_TURN:
+                if most_trials == TRIALS_PER_TURN and self.report is not None:
                     after_examples = plural(failing_case.examples, "example")
-                    self._tell(f"{failing_case.fault.check} fails after {after_examples}; shrinking")
+                    self.report(f"{failing_case.fault.check} fails after {after_examples}; shrinking")
                 try:
                     done = is_small or shrink.run(most_trials)
                 # Also where the time is over in the middle of it.
@@ -218,10 +218,6 @@ class Search:
                     self.counterexamples[failing_case.fault.check] = failing_case
         for name in [name for name in open_checks if self._enough(name)]:
             open_checks.remove(name)
-
-    def _tell(self, text: str) -> None:
-        if self.report is not None:
-            self.report(text)
 
     def _fault_of(self, case: Case, original: Fault) -> Fault | None:
         """Return the fault of a case that is the same as the original one; None where it does not fail so."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import lru_cache
+from operator import call
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -122,7 +123,7 @@ class Bench:
             raise Stopped
         if self._drawing is None:
             # Apart from the renderer's process, which may end at any time.
-            self._drawing = Workers(_call_function, 1)
+            self._drawing = Workers(call, 1)
         self._drawing.begin(0, function, *arguments)
         while not (answers := self._drawing.answers(POLL)):
             if self._over():
@@ -140,7 +141,7 @@ class Bench:
         model = repr(case.model)
         limit = max(SILENCE if model in self._answered_models else FIRST_SILENCE, 2.0 * self._longest_silence)
         if self._workers is None:
-            self._workers = Workers(_call_function, 1)
+            self._workers = Workers(call, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
         silent = longest = 0.0
         looked, waited, answered_before = time.monotonic(), self._workers.starved(0), 0
@@ -181,10 +182,6 @@ class Bench:
         if self._workers is not None:
             self._workers.__exit__(None, None, None)
             self._workers = None
-
-
-def _call_function(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)
 
 
 @lru_cache(maxsize=4)

@@ -186,11 +186,11 @@ def plain_value(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-def _is_npz(head: bytes) -> bool:
-    return head.startswith(b"PK\x03\x04") and b".npy" in head[:300]
-
-
-@importer("npz", about="NumPy arrays (.npz)", recognises=_is_npz)
+@importer(
+    "npz",
+    about="NumPy arrays (.npz)",
+    recognises=lambda head: head.startswith(b"PK\x03\x04") and b".npy" in head[:300],
+)
 def read_npz(path: Path) -> Table:
     """Return columns by the arrays' names; single numbers and texts as attributes; the unit of `x` is text `unit:x`."""
     arrays = Arrays()

@@ -263,11 +263,6 @@ def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     return choices.variant(representation="curve")
 
 
-def own_name(exact: RendererFactory, name: str) -> str:
-    """Return which renderer of ours is `exact` on the exact curve, else the `name` itself."""
-    return next((own for own in own_renderers() if equal_by_value(on_the_exact_curve(resolve(own)), exact)), name)
-
-
 def equal_by_value(one: Any, other: Any) -> bool:
     """Return whether two factories are one, or equal by value: they share a reference then."""
     return bool(one is other or (type(one) is type(other) and one == other))
@@ -280,7 +275,8 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     `refinements`.
     """
     exact = on_the_exact_curve(factory)
-    own = own_name(exact, name)
+    # Which renderer of ours that is, else its own name.
+    own = next((own for own in own_renderers() if equal_by_value(on_the_exact_curve(resolve(own)), exact)), name)
     knobs = choices_of(exact).knobs
     if not knobs:
         known = choices_of(exact).representation == "curve"
