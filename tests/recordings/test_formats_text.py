@@ -62,6 +62,26 @@ def test_a_cell_without_a_number_is_located(table):
     assert "2 cells without a number in 'x', first at row 1" in table("t,x\n0,1\n1,\n2,\n").warnings[0]
 
 
+@pytest.mark.parametrize("cell", ["1.000,5", "1,000,000", "-12'000.25"])
+def test_signs_between_thousands_are_named_and_what_to_do(table, cell):
+    (warning,) = table(f"t;x\n0;1\n1;{cell}\n2;3\n").warnings
+    assert warning.endswith(f"first at row 1: {cell!r}, so write numbers without a sign between thousands")
+
+
+@pytest.mark.parametrize("cell", ["2026-03-29T01:59:58.001", "29.03.2026 01:59", "01:59:58"])
+def test_a_clock_that_is_a_date_or_a_time_of_the_day_is_named_and_what_to_do(table, cell):
+    (remark,) = table(f"stamp;x\n{cell};1\n{cell};2\n").remarks
+    assert remark == (
+        "the column 'stamp' is text, which is left out: a clock is read where it counts, so write it in seconds"
+    )
+
+
+def test_decimal_commas_between_commas_are_refused_and_a_line_above_numbers_is_not(table, refused):
+    with refused(InputError):
+        table("t,x\n0,0,1,5\n0,1,2,5\n")
+    assert list(table("Rig 7\n0,1\n1,2\n").columns) == ["c0", "c1"]
+
+
 @pytest.mark.parametrize("width", [600, 9000])
 def test_a_header_of_any_length_is_one(table, width):
     names = [f"channel number {k}" for k in range(width)]

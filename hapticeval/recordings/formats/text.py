@@ -171,6 +171,10 @@ def _content(lines: Sequence[str]) -> list[int]:
     return [place for place, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)]
 
 
+DATE_PATTERN = re.compile(r"\d{2,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ,]|\d{1,2}:\d{2}:\d{2}")
+THOUSANDS_PATTERN = re.compile(r"[+-]?\d{1,3}([.,'\u2019 ]\d{3})+([.,]\d+)?")
+"""A date or a time of the day, and a number whose thousands are parted: no number of a table."""
+
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 
 
@@ -207,13 +211,17 @@ def read_delimited(path: Path) -> Table:
         # `empty` are the rows of the cells without a number.
         values, empty = _numbers(frame[name], dialect)
         if empty.size == len(values) and len(values):
+            cell = str(frame[name].iloc[0]).strip()
             why = "is text, which" if frame[name].dtype.kind == "O" else "has no number in any row, and"
-            remarks.append(f"the column '{name}' {why} is left out")
+            todo = ": a clock is read where it counts, so write it in seconds" if DATE_PATTERN.match(cell) else ""
+            remarks.append(f"the column '{name}' {why} is left out{todo}")
             units.pop(name, None)
             continue
         if empty.size:
             cell = frame[name].iloc[int(empty[0])]
             excerpt = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
+            if THOUSANDS_PATTERN.fullmatch(str(cell).strip()):
+                excerpt += ", so write numbers without a sign between thousands"
             # Columns that lack the same cells are named together, in one warning.
             lacking.setdefault((empty.size, int(empty[0]), excerpt), []).append(f"'{name}'")
         columns[name] = values
@@ -295,6 +303,12 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     )
     above = above or remarked
     if not above:
+        if dialect.separator == "," and any(1 < len(dialect.cells(line)) == width / 2 for line in words):
+            raise InputError(
+                f"{path} has {plural(width // 2, 'name')} and {width} numbers in a row",
+                why="where numbers have decimal commas, other commas do not separate them",
+                todo="write points, or semicolons between the cells",
+            )
         return _plain(width), {}, first
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
     units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
