@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from hapticeval.errors import HapticevalError, InputError, describe_error
+from hapticeval.errors import HapticevalError, InputError, describe_error, unwritable
 from hapticeval.files import refuse_existing
 from hapticeval.recordings.channels import Signal, check_metadata
 from hapticeval.recordings.journal import HEADER_COPIES, UNCLOSED, Kind, Layout, block_head, opening
@@ -317,7 +317,7 @@ class Recorder:
             # Nothing was recorded: no file is left that would stop the next attempt.
             self.path.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                raise HapticevalError(f"cannot record to {path}", why=str(error)) from error
+                raise unwritable(str(path), error) from error
             raise
 
     def _started(self) -> subprocess.Popen[bytes]:

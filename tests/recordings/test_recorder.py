@@ -326,6 +326,15 @@ def test_a_recorder_that_cannot_start_leaves_no_file(refused, tmp_path, monkeypa
     assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"precious"]
 
 
+def test_a_recorder_on_a_full_disk_says_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.write", lambda *_: 0)
+    with pytest.raises(HapticevalError, match="cannot write .*run.journal") as caught:
+        Recorder(tmp_path / "run.journal", CHANNELS)
+    assert (caught.value.why, caught.value.todo) == (
+        "No space left on device", "name another place, or mend what bars this one",
+    )  # fmt: skip
+
+
 def test_a_loop_that_breaks_leaves_its_reason(tmp_path):
     def loop():
         with Recorder(tmp_path / "run.journal", CHANNELS) as recorder:
