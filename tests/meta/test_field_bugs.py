@@ -88,9 +88,7 @@ def stood(run, ticks):
     return recorded(run.hip, run.ihip, run.force[rows])
 
 
-@pytest.mark.parametrize(
-    ("ticks", "rate", "expected"), [(1, "1e+03 Hz", PASS), (2, "500 Hz", FAIL), (16, "62.5", FAIL)]
-)
+@pytest.mark.parametrize(("ticks", "rate", "expected"), [(1, "1000 Hz", PASS), (2, "500 Hz", FAIL), (16, "62.5", FAIL)])
 def test_the_rate_of_the_force_is_measured(ticks, rate, expected):
     run = stood(pressed(IN_AND_OUT, lambda depth, speed: 1000.0 * depth), ticks)
     finding = found("update-rate", run, FLAT)

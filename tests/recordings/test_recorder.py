@@ -328,7 +328,7 @@ def test_a_recorder_that_cannot_start_leaves_no_file(refused, tmp_path, monkeypa
 
 def test_a_recorder_on_a_full_disk_says_what_to_do(tmp_path, monkeypatch):
     monkeypatch.setattr("os.write", lambda *_: 0)
-    with pytest.raises(HapticevalError, match="cannot write .*run.journal") as caught:
+    with pytest.raises(HapticevalError, match="cannot write") as caught:
         Recorder(tmp_path / "run.journal", CHANNELS)
     assert (caught.value.why, caught.value.todo) == (
         "No space left on device", "name another place, or mend what bars this one",

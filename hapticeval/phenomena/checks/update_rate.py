@@ -8,6 +8,7 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS, STALE_TICKS
 from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray
@@ -49,16 +50,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand's motion calls for another force in too few ticks in a row")
     ticks = float(np.median(np.repeat(stood, stood)))
     metric = CHECK.measured(ticks * base.dt)
-    rate, scene_rate = 1.0 / metric.value, 1.0 / base.dt
+    rate = 1.0 / metric.value
     evidence = {**evidence_at(base, int(np.flatnonzero(calls)[0])), "rate_Hz": rate, "ticks_called_for": called}
     return compared(
         metric,
         # Half a tick is none: a median of whole ticks is known to that.
         STALE_TICKS * base.dt,
         evidence,
-        passes=f"the force is renewed at {rate:.3g} Hz, the scene's own rate",
-        fails=f"stale: the force is renewed at {rate:.3g} Hz, and the scene's loop runs at {scene_rate:.4g} Hz; in "
-        "between the last one stands",
+        passes=f"the force is renewed at {format_number(rate, 3)} Hz, the scene's own rate",
+        fails=f"stale: the force is renewed at {format_number(rate, 3)} Hz, and the scene's loop runs at "
+        f"{format_number(1.0 / base.dt)} Hz; in between the last one stands",
     )
 
 

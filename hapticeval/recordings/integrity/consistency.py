@@ -19,6 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.quantity import format_number
 from hapticeval.recordings.energy_balance import NOISE_DEVIATIONS
 from hapticeval.recordings.integrity.issue import Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
@@ -268,7 +269,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         ("a force though the HIP is outside the model", np.flatnonzero(away)),
     ):
         if at.size:
-            message = f"{words}, by up to {1e3 * float(off[at].max()):.3g} mm, at {at.size} rows"
+            message = f"{words}, by up to {format_number(1e3 * float(off[at].max()), 3)} mm, at {at.size} rows"
             span = int(at[0]), int(at[-1]) + 1
             issues.append(make_issue(recording, CONTACT_RELATION, message, "force", span, rows=int(at.size)))
     largest, quantum = float(off[rows].max(initial=0.0)), allowed / RESIDUAL_QUANTA
@@ -318,7 +319,7 @@ def _checked(
     bad = rows[off > bound]
     if bad.size == 0:
         return check
-    quanta = f", {largest / step:.3g} quanta" if step > 0.0 else ""
+    quanta = f", {format_number(largest / step, 3)} quanta" if step > 0.0 else ""
     message = (
         f"off by up to {largest:.3g} {unit}{quanta}, at {bad.size} of {rows.size} rows (typically {median:.3g} {unit})"
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.quantity import align_columns, plural
+from hapticeval.quantity import align_columns, format_number, plural
 from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
@@ -208,7 +208,7 @@ def _checks(report: Integrity) -> list[str]:
     lines = align_columns([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
-           f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
+           format_number(check.largest / check.quantum, 3) if check.quantum > 0.0 else "-", f"{check.rows}",
            "contradicted" if check.issues else "holds" + check.noisy * " but for noise") for check in checks_made),
     ]) if checks_made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
