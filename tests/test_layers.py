@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"types", "pulse", "kernel_cache"},
+    {"types", "pulse", "kernel_cache", "numba_shortcuts"},
     {"errors", "compiled", "records", "extras", "registrations"},
     {"bracket", "laws"},
     {"documents"},
