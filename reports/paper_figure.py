@@ -26,7 +26,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.reports.bench_figure import EXACT_ERROR, PlottedSettings, plotted_settings
 from hapticeval.reports.canvas import FONT_SIZES, MM, Look, colour_of, draw_over_time, in_style, looks_of
 from hapticeval.reports.grid import Grid, Tile
-from hapticeval.reports.plane import aspect_of, box_round, draw_body, name_axes, samples_along_path
+from hapticeval.reports.plane import aspect_of, box_round, draw_geometry, model_shadow, name_axes, samples_along_path
 from hapticeval.reports.run_figure import include_zero
 from hapticeval.runner.results import VerdictEntry, unknown_renderer
 from hapticeval.runner.standing import Standing
@@ -180,7 +180,7 @@ def paper_figure(
             plane.set(xlim=view[::2], ylim=view[1::2])
         fig.set_layout_engine("none")
         if model is not None:
-            draw_body(plane, model, view, coordinates, detail=PRINT_DETAIL)
+            draw_geometry(plane, model_shadow(model, coordinates, view, detail=PRINT_DETAIL), view)
         return fig
 
 

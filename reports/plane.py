@@ -95,7 +95,8 @@ def refusal_svg(model: Model, position: Sequence[float], *, prefix: str = "f", t
     with figure(8.0, 2.8, page=True) as fig:
         axes = fig.add_axes((0.08, 0.18, 0.55, 0.77))
         axes.set_aspect("equal")
-        draw_body(axes, model, (xmin - edge, ymin - edge, xmax + edge, ymax + edge))
+        view = (xmin - edge, ymin - edge, xmax + edge, ymax + edge)
+        draw_geometry(axes, filled_part(model, view), view)
         axes.plot(MM * position[0], MM * position[1], "x", color=colour_of("ihip"), markersize=11, markeredgewidth=2.2)
         axes.set(xlabel="y₁ (mm)", ylabel="y₂ (mm)")
         return page_svg(fig, prefix=prefix, title=title)
@@ -233,13 +234,6 @@ def draw_geometry(axes: Axes, body: Geometry | None, view: Box, *, linewidth: fl
             lines = list(shapely.get_coordinates(part).reshape(-1, 2, 2))
             axes.add_collection(LineCollection(lines, colors=colour_of("ink"), linewidths=0.4 * linewidth, zorder=1))
     axes.set(xlim=view[::2], ylim=view[1::2])
-
-
-def draw_body(
-    axes: Axes, model: Model, view: Box, coordinates: tuple[int, int] = (0, 1), *, detail: float = PAGE_DETAIL
-) -> None:
-    """Draw what the model fills of `view`, mm, in the two coordinates; see `filled_part` for `detail`."""
-    draw_geometry(axes, model_shadow(model, coordinates, view, detail=detail), view)
 
 
 def samples_along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError, at
@@ -19,18 +19,6 @@ from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suites
 from hapticeval.suite.selection import covering, select
 from hapticeval.suite.suite import Suite
-
-
-class Keyed(Protocol):
-    """Anything that has the suite, case and renderer of a job."""
-
-    @property
-    def key(self) -> RunKey:
-        """Suite, case and renderer."""
-        ...
-
-
-T = TypeVar("T", bound=Keyed)
 
 
 @dataclass(frozen=True, order=True)
@@ -53,7 +41,7 @@ class Shard:
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
 
-    def of(self, jobs: Sequence[T]) -> tuple[T, ...]:
+    def of(self, jobs: Sequence[Job]) -> tuple[Job, ...]:
         """Return the jobs of this shard, in the order of the plan.
 
         Jobs are dealt out by turns in the order of a digest of their names: shards differ by one job at most, and none

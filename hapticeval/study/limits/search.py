@@ -185,13 +185,14 @@ def _distance_after_release(factory: RendererFactory, scene: Scene, place: Place
 
 
 def _rotation(start: Array, end: Array) -> Array:
-    """Return the rotation, in the plane of two unit vectors, that takes one to the other; -1 for opposite ones."""
-    cosine, middle = float(end @ start), start + end
-    if 1.0 + cosine < 1e-12:
-        # Gains are even in the normal: turned by -1 they are those of the wall's back.
-        return -np.eye(start.size)
+    """Return the rotation that takes a unit vector to another, or to its opposite, whichever is nearer.
+
+    Gains are even in the normal: they do not tell a wall from its back.
+    """
+    end = end if start @ end >= 0.0 else -end
+    middle = start + end
     # R = 1 - (a + b)(a + b)ᵀ / (1 + a·b) + 2 b aᵀ: the identity outside of the plane of a and b.
-    return np.asarray(np.eye(start.size) - np.outer(middle, middle) / (1.0 + cosine) + 2.0 * np.outer(end, start))
+    return np.asarray(np.eye(start.size) - np.outer(middle, middle) / (1.0 + start @ end) + 2.0 * np.outer(end, start))
 
 
 def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
