@@ -50,12 +50,21 @@ PLACE_ROUNDING = 1e-9
 """Share of the model's size by which rounding of doubles may move a place that in exact numbers is the same: 0.2 nm of
 the usual 200 mm.
 
-*Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it."""
+*Chosen*, four million roundings: doubled, a tool 0.4 nm off the surface counts as on it, and HIPs so far apart as one
+point."""
 
 TIE_SHARE = 1e-9
 """Share by which two equally bad places may differ by rounding: the first of them is named.
 
 *Chosen*, four million roundings: doubled, no outcome changes, for it decides where to look alone."""
+
+SHARE_ROUNDING = 1e-9
+"""Share of a speed, a momentum or a force that rounding of normals, roots and quotients may make. *Chosen*, far above
+that of doubles: doubled, two parts in a thousand million are granted."""
+
+FIT_SAMPLES = 8
+"""Samples that a fit of two to five numbers needs at least. *Chosen*: doubled, contacts and vibrations of 8 to 15
+samples are undecided."""
 
 # lag
 
@@ -100,10 +109,6 @@ the case says."""
 STANDARD_ERRORS = 2.0
 """Standard errors of a fit within which a share is not told from its bound. *Chosen*: chance goes farther once in
 twenty. Doubled, more runs are undecided, and chance goes farther once in sixteen thousand."""
-
-REGRESSION_SAMPLES = 8
-"""Samples in contact that a regression of two to five numbers needs at least. *Chosen*: doubled, contacts of 8 to 15
-samples are undecided."""
 
 LEAST_CENTRIPETAL = 1e-12
 """Surface error, m, below which a missing centripetal force costs nothing: rounding of doubles alone.
@@ -174,7 +179,7 @@ swings about it.
 
 *Chosen*, for words alone: doubled, a decaying tool is said to stand, and no swing is named."""
 
-# constraint_stability, refinement
+# constraint_stability, refinement, friction: cone
 
 LENGTH_ROUNDING = 1e-12
 """Share of a length, or of another quantity's largest value, that a sum of doubles may be off: four thousand roundings.
@@ -446,7 +451,7 @@ instants that it has to find, and in a corner ever more of them, until rounding 
 
 *Chosen*; doubled, twice as much is granted."""
 
-# nudges
+# nudges, texture
 
 NUDGE_SHARE = 0.25
 """The shorter of the two lengths by which the hand is nudged each way, as a share of the longer. *Chosen*: a tie that
@@ -461,8 +466,11 @@ AMPLIFIED_FACTOR = 10.0
 rows beside a medial axis count that are left out now."""
 
 HAND_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-"""Share of a coordinate by which the hand of a run that is stated otherwise may be off: four roundings. *Chosen*: a
-turn, a shift, a scale and the way back round once each. Doubled, twice as much is granted."""
+"""Share of a coordinate by which the hand of a run that is stated otherwise may be off, and one at rest seem to move in
+a tick: four roundings.
+
+*Chosen*: a turn, a shift, a scale and the way back round once each. Doubled, twice as much is granted, and a hand that
+creeps by as much counts as at rest."""
 
 # numerical_stability
 
@@ -483,10 +491,6 @@ SUSPECT_SHARE = 1e-3
 changes."""
 
 # passivity
-
-SAME_POINT = 1e-9
-"""Share of the model's size within which two HIPs are one point. *Chosen*, far above rounding: doubled, points 0.4 nm
-apart are one."""
 
 RIGID_WORK_SHARE = 1e-3
 """Share of force times path that a force across the path may seem to do. *Chosen*: what facets of the sampling do to
@@ -535,12 +539,6 @@ SETTLING_RATIO = 0.75
 
 Derived: a first-order effect has 1/2, a second-order one 1/4; the middle between 1/2 and 1. Doubled, what grows with
 finer ticks is extrapolated."""
-
-# surface_motion, decoupling, tangential_dynamics
-
-SPEED_ROUNDING = 1e-9
-"""Share of a speed that rounding may make. *Chosen*, far above that of doubles: doubled, two parts in a thousand
-million are granted."""
 
 # decoupling
 
@@ -615,12 +613,6 @@ STICKING_TIME = 1.0
 """Seconds that a tool must be held for, to tell a creep from the bending of a soft contact. *Chosen*: doubled, tools
 that are held for one to two seconds are undecided."""
 
-# friction: cone
-
-CONE_ROUNDING = 1e-12
-"""Share of the cone by which rounding may leave it beside that of the coordinates: some four thousand roundings of a
-double. *Chosen*; doubled, twice as much is granted."""
-
 # friction: energy
 
 STEEPER_THAN_SPRING = 1.001
@@ -633,10 +625,6 @@ granted nothing for being held, and may fail for it."""
 
 SLIDING_TICKS = 10
 """Ticks of sliding without which nothing is shown. *Chosen*: doubled, a tool that slides in 10 to 19 is undecided."""
-
-SLIDING_ROUNDING = 1e-9
-"""Share of mu_k F_n that rounding of normals and roots may make. *Chosen*, far above that of a double: doubled, twice
-as much is granted."""
 
 # friction: work, force
 
@@ -694,10 +682,6 @@ missed. Doubled, recordings are judged in which that is after fifty."""
 TEXTURE_SETTLES = 0.25
 """Seconds that vibrations have to settle: sixteen time constants of a low-pass at 10 Hz. *Chosen*: doubled, steady
 stretches and rests of up to half a second are not judged, and of a hand at rest less is allowed."""
-
-STILL_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-"""Share of the largest coordinate by which a hand at rest may seem to move in a tick: four roundings. *Chosen*;
-doubled, one that creeps by twice as much counts as at rest."""
 
 SLOWEST_LOW_PASS = 10.0
 """Slowest low-pass (Hz) of the speed that is granted: *chosen*, half of the texture's own 20 Hz. Doubled, nothing
@@ -762,7 +746,3 @@ fit leaves open with that probability.
 SENSOR_NOISE = 1e-3
 """Least noise of a force, as a share of its peak: what a sensor leaves. *Chosen*: doubled, twice as much is open of a
 vibration that is fitted exactly."""
-
-FIT_SAMPLES = 8
-"""Samples that a fit of four numbers needs at least. *Chosen*, two for each: doubled, vibrations of 8 to 15 are
-undecided."""

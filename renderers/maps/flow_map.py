@@ -76,12 +76,11 @@ class Chart(NamedTuple):
 class FlowMap:
     """A one-to-one map of a model to the unit disk; its surface goes to the unit circle, its singular point to 0.
 
-    `flow` is what it was built of. Every point inside the curve is mapped; one in the sliver between the curve and the
-    chords of the grid's first level goes where its nearest surface point does.
+    Every point inside the curve is mapped; one in the sliver between the curve and the chords of the grid's first level
+    goes where its nearest surface point does.
     """
 
     curve: Curve
-    flow: Flow
     chart: Chart
 
     @cached_property
@@ -145,8 +144,7 @@ class _MapKey:
 @lru_cache(maxsize=MAPS_IN_CACHE)
 def _build_map(key: _MapKey) -> FlowMap:
     """Run the flow and lay out its grid."""
-    recorded = run_flow(key.model, key.settings)
-    return FlowMap(key.model.curve, recorded, build_chart(key.model, recorded))
+    return FlowMap(key.model.curve, build_chart(key.model, run_flow(key.model, key.settings)))
 
 
 def build_chart(model: Model, recorded: Flow) -> Chart:

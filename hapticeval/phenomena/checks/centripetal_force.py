@@ -13,13 +13,13 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import (
     BLOCK_TICKS,
     EXPLAINING_PUSH,
+    FIT_SAMPLES,
     HOLD_TICKS,
     LAG_TICKS,
     LEAST_CENTRIPETAL,
     LONG_RUN_STARTS,
     PLACE_ROUNDING,
     REGRESSION_RANK,
-    REGRESSION_SAMPLES,
     SLOWER_SPEEDS,
     STANDARD_ERRORS,
     START_DECAY,
@@ -63,7 +63,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_regression_terms(recording, scene) for recording in everything]
     cost = np.concatenate([term.cost for term in terms])
-    if cost.size < REGRESSION_SAMPLES:
+    if cost.size < FIT_SAMPLES:
         return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= LEAST_CENTRIPETAL:

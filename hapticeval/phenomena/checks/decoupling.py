@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import DIED_OUT_SHARE, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING, TELLING_SHARE
+from hapticeval.phenomena.decisions import DIED_OUT_SHARE, PLACE_ROUNDING, SHARE_ROUNDING, SLIDE_SHARE, TELLING_SHARE
 from hapticeval.phenomena.measures.refinement import richardson_two_level
 from hapticeval.phenomena.measures.surface_motion import (
     DOES_NOT_SLIDE,
@@ -44,7 +44,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     deviation = np.abs(remains.values[: last + 1])
     tick = worst_row(deviation)
     metric = CHECK.measured(deviation[tick])
-    bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SPEED_ROUNDING
+    bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SHARE_ROUNDING
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "largest_distance_m": farthest,

@@ -46,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         )
         hand_changes, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
-        # Points are the same within `SAME_POINT` only: what that may change of a steep answer is no drift, nor what
+        # Points are the same within `PLACE_ROUNDING` only: what that may change of a steep answer is no drift, nor what
         # rounds to another number of single precision.
         excess = np.maximum(changed - STEEP_FACTOR * hand_changes - answered_rounding(base), 0.0)
         # Without any drift the tick with the largest change is shown.

@@ -15,12 +15,12 @@ from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import (
     BETWEEN_CONES,
     BRISTLE_PARTS,
-    CONE_ROUNDING,
     CREEP_SPEED,
     LAG_TICKS,
     LAP_WORK,
+    LENGTH_ROUNDING,
+    SHARE_ROUNDING,
     SINGLE_ROUNDINGS,
-    SLIDING_ROUNDING,
     SLIDING_TICKS,
     SLIP_WORK,
     STEEPER_THAN_SPRING,
@@ -154,7 +154,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
     return compared(
         FRICTION_CONE.measured(share),
-        1.0 + CONE_ROUNDING,
+        1.0 + LENGTH_ROUNDING,
         {
             **evidence_at(base, worst),
             "normal_N": float(surface_force.normal_force[worst]),
@@ -310,7 +310,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
         deviation = np.linalg.norm(surface_force.tangential_force + against_motion, axis=1) / braking
         # The tangent plane turns by curvature times that way; of first order only where it twists.
         turned = twist * reach + (bend * reach) ** 2
-        allowed = surface_force.open_force / braking + turned + rounding / length + SLIDING_ROUNDING
+        allowed = surface_force.open_force / braking + turned + rounding / length + SHARE_ROUNDING
     # In the first tick of a contact the way is that of a free tool; one of less than `rounding` allows any force.
     slides = np.roll(surface_force.pressed, 1) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False

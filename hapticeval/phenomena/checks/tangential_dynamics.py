@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.decisions import CAUSE_SHARE, SPEED_ROUNDING, TELLING_SHARE
+from hapticeval.phenomena.decisions import CAUSE_SHARE, SHARE_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.measures.refinement import richardson_two_level
 from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
 from hapticeval.phenomena.sampling import evidence_at, worst_row
@@ -35,7 +35,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     tick = worst_row(excess)
     metric = CHECK.measured(excess[tick])
     bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
-    bound = bound / top + SPEED_ROUNDING
+    bound = bound / top + SHARE_ROUNDING
     viscosity = _apparent_viscosity(motion)
     evidence: dict[str, object] = {
         **evidence_at(base, tick),

@@ -14,12 +14,12 @@ from hapticeval.phenomena.decisions import (
     APART_DECIBELS,
     CHANCE_OF_FAILURE,
     CLEAR_DECIBELS,
+    HAND_ROUNDING,
     POWER_PARTS,
     SHORTEST_STRETCH,
     SINGLE_ROUNDINGS,
     SLOWEST_LOW_PASS,
     STEADY_SHARE,
-    STILL_ROUNDING,
     TELLING_SHARE,
     TEXTURE_SETTLES,
     WELCH_WINDOW,
@@ -317,7 +317,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     plain = required(runs.without)(STOCHASTIC_TEXTURE)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
-    still = np.concatenate([[False], hip_steps(base) <= STILL_ROUNDING * largest])
+    still = np.concatenate([[False], hip_steps(base) <= HAND_ROUNDING * largest])
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     rows = np.arange(len(base))
     # Ticks since the hand last moved, or was off the surface.

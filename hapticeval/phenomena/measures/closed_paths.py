@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import SAME_POINT
+from hapticeval.phenomena.decisions import PLACE_ROUNDING
 from hapticeval.phenomena.sampling import touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -34,10 +34,10 @@ class LapRun(NamedTuple):
 def laps(hip: Array, size: float) -> list[LapRun]:
     """Return where a hand goes round two or more times on the same points `hip` (n, N), m.
 
-    Points are the same within `SAME_POINT` of `size`, m; a hand that stays at one, or creeps by less than that, makes
-    no lap.
+    Points are the same within `PLACE_ROUNDING` of `size`, m; a hand that stays at one, or creeps by less than that,
+    makes no lap.
     """
-    count, near = hip.shape[0], SAME_POINT * size
+    count, near = hip.shape[0], PLACE_ROUNDING * size
     if count < 3:
         return []
     # Rows of one cell of a fine grid: candidates for the same point, each with the next row of its cell.

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
-from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SLIDE_SHARE, SPEED_ROUNDING
+from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SHARE_ROUNDING, SLIDE_SHARE
 from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import Recording
@@ -149,13 +149,13 @@ class SurfaceMotion:
             return np.zeros(len(self.recording), dtype=bool)
         impulses = np.linalg.norm(force, axis=1) * self.recording.dt
         momentum = self.scene.mass * float(np.linalg.norm(self.recording.velocity, axis=1).max())
-        return np.asarray((impulses > 0.0) & (impulses.sum() > SPEED_ROUNDING * momentum))
+        return np.asarray((impulses > 0.0) & (impulses.sum() > SHARE_ROUNDING * momentum))
 
     @property
     def starts_on_surface(self) -> bool:
         """Return whether the tool starts on the surface and moves along it, to rounding."""
         near = abs(self.distance[0]) <= PLACE_ROUNDING * self.scene.model.size
-        return bool(near and abs(self.across[0]) <= SPEED_ROUNDING * np.linalg.norm(self.recording.velocity[0]))
+        return bool(near and abs(self.across[0]) <= SHARE_ROUNDING * np.linalg.norm(self.recording.velocity[0]))
 
     def held_distance(self, since: int = 0) -> float:
         """Return how far (m) a held force lets a perfect law drift off the surface, from the tick `since` on.
