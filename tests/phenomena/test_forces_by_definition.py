@@ -16,7 +16,7 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
-from hapticeval.phenomena.checks.friction import _dissipated_work, _stored_energy
+from hapticeval.phenomena.checks.friction_work import _dissipated_work, _stored_energy
 from hapticeval.phenomena.checks.passivity import explained_work
 from hapticeval.phenomena.measures.lag import force_lag
 from hapticeval.phenomena.measures.lugre_force import lugre_force

@@ -1,142 +1,39 @@
-"""Friction (4.3.3): the tool sticks in its cone, breaks away at its edge, and slides braked, by the work of its law."""
+"""Friction (4.3.3): the tool sticks in its cone, breaks away at its edge, and slides braked by the force of its law."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.catalogue import FRICTION, LUGRE
 from hapticeval.effects.effect import Alters, Stage
-from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.decisions import (
     BETWEEN_CONES,
     BRISTLE_PARTS,
     CREEP_SPEED,
     LAG_TICKS,
-    LAP_WORK,
     LENGTH_ROUNDING,
     SHARE_ROUNDING,
-    SINGLE_ROUNDINGS,
     SLIDING_TICKS,
-    SLIP_WORK,
-    STEEPER_THAN_SPRING,
     STICKING_SHARE,
     STICKING_TIME,
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.measures.closed_paths import contact_spans, later_laps
-from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, largest_in_lag, likely_force_lags
+from hapticeval.phenomena.measures.friction_check import HAND, LAWS_OF_SPEED, check_of_friction
+from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, largest_in_lag
 from hapticeval.phenomena.measures.lugre_force import lugre_force
-from hapticeval.phenomena.measures.surface_force import (
-    SurfaceForce,
-    along_surface,
-    ihip_rounding,
-    surface_force_of,
-    viscous_coefficient,
-)
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, touching, worst_of, worst_row
-from hapticeval.phenomena.verdict import Finding, Outcome, compared, not_applicable, undecided
-from hapticeval.quantity import plural
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surface, ihip_rounding, viscous_coefficient
+from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, worst_row
+from hapticeval.phenomena.verdict import Finding, compared, undecided
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
-"""The effects that brake a tool along the surface."""
-
-LAWS_OF_SPEED = (VISCOUS_FRICTION, LUGRE)
-"""Those whose force is a law of the hand's speed: the tool does not stay behind."""
-
-HAND = ("hip", "velocity")
-"""The channels that are of the hand, and so on time."""
-
-
-def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
-    """Return where the IHIP is `within` so far (n,), m, of a corner: (n,)."""
-    near = np.zeros(len(base), dtype=bool)
-    for corner in scene.model.boundary.corners:
-        near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= within
-    return near
-
-
-def judge_with_lag(
-    runs: Runs, judge: Callable[[Runs, SurfaceForce], Finding], on_time: tuple[tuple[str, ...], ...], scene: Scene
-) -> Finding:
-    """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
-
-    Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
-    takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
-    """
-    base = runs.base
-    finding = judge(runs, surface_force_of(base, scene))
-    if finding.outcome is not Outcome.FAIL or not on_time:
-        return finding
-    for lag in range(1, LAG_TICKS + 1):
-        for names in on_time:
-            # Held back by `lag` rows, so that they meet the late ones.
-            held_back = _held_back(base, dict.fromkeys(names, float(lag)))
-            again = judge(replace(runs, base=held_back), surface_force_of(held_back, scene))
-            if again.outcome is Outcome.PASS:
-                # The answer's channels that were not held back are those that are late.
-                late_channels = [word for name, word in (("ihip", "IHIP"), ("force", "force")) if name not in names]
-                late_words = f"{' and '.join(late_channels)} {'are' if len(late_channels) > 1 else 'is'}"
-                return replace(again, message=f"{again.message}; the {late_words} {plural(lag, 'tick')} late")
-    return _judge_between_ticks(runs, judge, scene) or finding
-
-
-def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, SurfaceForce], Finding], scene: Scene) -> Finding | None:
-    """Return a pass with the answers earlier by one lag between two ticks; None where the law is kept with none.
-
-    The hand stays as it is, so that its laps close.
-    """
-    for hip, ihip in likely_force_lags(runs.base, scene):
-        early = _held_back(runs.base, {"force": -hip, "ihip": ihip - hip})
-        # Between ticks it is not known which values the renderer had.
-        open_between_ticks = np.maximum(
-            *(beside_straight(run.force) + scene.stiffness * beside_straight(run.ihip) for run in (runs.base, early))
-        )
-        finding = judge(replace(runs, base=early), surface_force_of(early, scene, open_between_ticks))
-        if finding.outcome is Outcome.PASS:
-            return replace(finding, message=f"{finding.message}; the answer is {max(hip, -ihip):.2g} ticks late")
-    return None
-
-
-def _held_back(base: Recording, ticks: Mapping[str, float]) -> Recording:
-    """Return a recording with some of its channels held back by so many ticks each; a negative number is earlier."""
-    rows = np.arange(len(base), dtype=np.int64)
-    channels = {name: delayed(base.channels[name], rows, late) for name, late in ticks.items() if name in base.channels}
-    return Recording(base.time, {**base.channels, **channels}, base.meta)
-
-
-def _check_of_friction(
-    judge: Callable[[Runs, SurfaceForce, Scene], Finding],
-    *,
-    damped: bool = True,
-    on_time: tuple[tuple[str, ...], ...] = (),
-    **data: Any,
-) -> Check:
-    """Return a check of friction: it opens as all of them do, and then asks `judge`, which is given the force's parts.
-
-    - `damped`: it is asked of a scene with a damper too.
-    - `on_time`: the channels that may be on time where the others are late, see `judge_with_lag`.
-    """
-
-    def judge_friction(runs: Runs, scene: Scene) -> Finding:
-        because = "whose force along the surface is no friction"
-        reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
-        if reason is None and not damped and scene.damping > 0.0:
-            reason = not_applicable(f"a damper of {scene.damping:g} N s/m brakes the tool too")
-        return reason or judge_with_lag(
-            runs, lambda runs, surface_force: judge(runs, surface_force, scene), on_time, scene
-        )
-
-    data = {"effects": (FRICTION,), "unit": ""} | data
-    return Check(judge=judge_friction, channels=("hip", "ihip", "force"), reads_also=("velocity",), **data)
 
 
 def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -167,6 +64,17 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
             f"{limit[worst]:.4g} N of {surface_force.normal_force[worst]:.4g} N across it"
         ),
     )
+
+
+FRICTION_CONE = check_of_friction(
+    judge_cone,
+    on_time=((*HAND, "ihip"), ("force",)),
+    id="friction-cone",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
+    citation="thesis (4.17)-(4.19), Figure 4.9",
+    metric="force along the surface as a share of mu_s times that across it",
+)
 
 
 def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -241,6 +149,16 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     )
 
 
+FRICTION_BREAK_AWAY = check_of_friction(
+    judge_break_away,
+    id="friction-break-away",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula="|F_t| >= mu_s F_n - 2 K |dx| - mu_s |dF_n| in the tick before a tool that sticks begins to slide",
+    citation="thesis (4.18), (4.19), Figure 4.9",
+    metric="what the force along the surface lacks of mu_s F_n when the tool begins to slide, as a share of it",
+)
+
+
 class _Creep(NamedTuple):
     """How far, m, and how fast, m/s, the tool moves at most over the rows [first, stop), `seconds` long, that stick."""
 
@@ -289,6 +207,20 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
         passes=f"a tool that sticks stays: {what}",
         fails=f"a tool that should stick creeps: {what}",
     )
+
+
+STICKING_FORMULA = (
+    f"|ihip(t) - ihip(t0)| <= {1e7 * CREEP_SPEED:g} um in 10 s while |F_t| <= {STICKING_SHARE:g} mu_k F_n"
+)
+FRICTION_STICKING = check_of_friction(
+    judge_sticking,
+    id="friction-sticking",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    formula=STICKING_FORMULA,
+    citation="thesis (4.18), (4.19)",
+    metric="how fast the IHIP creeps while it is held",
+    unit="m/s",
+)
 
 
 def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -349,6 +281,25 @@ def _curvature(shape: Array) -> tuple[Array, Array]:
     # (k1 - k2)^2 = 2 tr(W^2) - tr(W)^2
     difference_squared = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
     return largest, 0.5 * np.sqrt(np.maximum(difference_squared, 0.0))
+
+
+FRICTION_SLIDING = check_of_friction(
+    judge_sliding,
+    on_time=((*HAND, "ihip"), ("force",)),
+    id="friction-sliding",
+    phenomenon="none of the six: kinetic friction, thesis 4.3.3",
+    formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
+    citation="thesis (4.20), Figure 4.9",
+    metric="what F_t is off mu_k F_n against the motion, as a share of it",
+)
+
+
+def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
+    """Return where the IHIP is `within` so far (n,), m, of a corner: (n,)."""
+    near = np.zeros(len(base), dtype=bool)
+    for corner in scene.model.boundary.corners:
+        near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= within
+    return near
 
 
 def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
@@ -419,194 +370,7 @@ def _law_force(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Ca
     return at_lag
 
 
-def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
-    """Compare the work that the hand gets since free space with what holding the force may give."""
-    base = runs.base
-    free = ~touching(base, scene)
-    # Each begins with the last free row before a contact: there nothing is stored.
-    spans = contact_spans(free)
-    if not spans:
-        return undecided("the hand never comes from free space: what is stored is not known")
-    moved = np.diff(base.hip, axis=0)
-    length = np.linalg.norm(moved, axis=1)
-    damping = scene.damping + viscous_coefficient(scene)
-    # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
-    # held gives no more than its change times the way.
-    across = np.max(
-        [
-            np.abs(np.sum(moved * unit_normals, axis=1))
-            for unit_normals in (surface_force.unit_normals[:-1], surface_force.unit_normals[1:])
-        ],
-        axis=0,
-    )
-    change = np.abs(np.diff(surface_force.normal_force))
-    steep = np.where(change > STEEPER_THAN_SPRING * scene.stiffness * across, change * across, 0.0)
-    length_before = np.concatenate([[0.0], length[:-1]])
-    strength = np.linalg.norm(base.force[:-1], axis=1)
-    # K |dx|^2 / 2 for a spring held over a tick, and B |dx| |dx before| / dt for a damper
-    allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * length_before
-    allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
-    # F . dx of a force that is held from row to row, J
-    gained = np.sum(base.force[:-1] * moved, axis=1)
-    worst, gain, granted = None, 0.0, 0.0
-    for begin, stop in spans:
-        work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
-        # The tick up to which the hand has got most beyond what is granted.
-        row = worst_row(work - bound)
-        if worst is None or work[row] - bound[row] > gain - granted:
-            worst = begin, begin + row + 1
-            gain, granted = float(work[row]), float(bound[row])
-    assert worst is not None
-    span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
-    what = f"{1e3 * gain:.4g} mJ {span}, where holding the force for a tick may give {1e3 * granted:.4g} mJ"
-    return compared(
-        FRICTION_ENERGY.measured(gain),
-        granted,
-        {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
-        passes=f"the hand gets no more than a held spring gives: {what}",
-        fails=f"gives energy away: the hand gets {what}",
-    )
-
-
-class _LapWork(NamedTuple):
-    """The hand's `work` over the rows [start, stop] of a lap and that of the law, J: off by a share of `law_work`."""
-
-    deviation: float
-    allowed: float
-    work: float
-    law_work: float
-    start: int
-    stop: int
-
-
-def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
-    """Compare the hand's work over each lap after the first with the work of the friction's law."""
-    base = runs.base
-    spans = [
-        (start, stop)
-        for start, stop in later_laps(base.hip, scene.model.size)
-        if surface_force.pressed[start : stop + 1].all()
-    ]
-    if not spans:
-        return undecided("the hand goes round no closed lap twice in contact")
-    moved = np.diff(base.hip, axis=0)
-    # Work of the hand by the trapezoid: -F . dx
-    mean = 0.5 * (base.force[1:] + base.force[:-1])
-    put_in = -np.sum(mean * moved, axis=1)
-    dissipated, doubt = _dissipated_work(base, surface_force, scene, moved)
-    stored = _stored_energy(base, surface_force, scene)
-    lap_works = []
-    for start, stop in spans:
-        law_work = float(dissipated[start:stop].sum())
-        work = float(put_in[start:stop].sum() - (stored[stop] - stored[start]))
-        # A lap in which nothing slips takes nothing, and has no share to be off by.
-        if law_work >= SLIP_WORK:
-            allowed = LAP_WORK + abs(float(doubt[start:stop].sum())) / law_work
-            lap_works.append(_LapWork(abs(work - law_work) / law_work, allowed, work, law_work, start, stop))
-    if not lap_works:
-        return undecided("the tool does not slip in any closed lap")
-    worst = worst_of(lap_works, lambda lap_work: lap_work.deviation - lap_work.allowed)
-    what = (
-        f"{1e3 * worst.work:.5g} mJ in a lap from t = {base.time[worst.start]:.4g} s to {base.time[worst.stop]:.4g} s, "
-        f"where the friction takes {1e3 * worst.law_work:.5g} mJ"
-    )
-    return compared(
-        FRICTION_WORK.measured(worst.deviation),
-        worst.allowed,
-        {
-            **evidence_at(base, worst.stop),
-            "from_time": float(base.time[worst.start]),
-            "work_J": worst.work,
-            "law_J": worst.law_work,
-            "laps": len(lap_works),
-        },
-        passes=f"the hand puts in what the friction takes: {what}",
-        fails=f"the hand does not put in what the friction takes: {what}",
-    )
-
-
-def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene, moved: Array) -> tuple[Array, Array]:
-    """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
-    dissipated = np.zeros(len(moved))
-    # A force that is off by so much between two ticks, over the way of tool and hand.
-    travelled = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
-    doubt = surface_force.open_between_ticks[1:] * travelled
-    friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
-    if friction is not None:
-        slip = np.diff(base.ihip, axis=0)
-        unit_normals, normal_force = surface_force.unit_normals[1:], surface_force.normal_force[1:]
-        across = np.sum(slip * unit_normals, axis=1)
-        along = np.linalg.norm(along_surface(slip, unit_normals), axis=1)
-        # The law's force after the slip, times the slip: mu_k F_n |ds|, and F_n times what the foot moves across
-        dissipated += normal_force * (friction.mu_k * along - across)
-        # A law that is not the scene's spring: its difference does work on the slip, too.
-        dissipated -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
-        # K ds . (ds - dx) / 2: the spring relaxes by ds while the hand moves on by dx.
-        dissipated += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
-    # b v . dx, with the mean speed of the step
-    dissipated += (
-        0.5
-        * viscous_coefficient(scene)
-        * np.sum((surface_force.velocity[1:] + surface_force.velocity[:-1]) * moved, axis=1)
-    )
-    if lugre is not None:
-        stepped, straight = (lugre_force(lugre, surface_force, base.dt, parts) for parts in (1, BRISTLE_PARTS))
-        stepped_work, straight_work = (
-            0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1) for force in (stepped, straight)
-        )
-        dissipated += straight_work
-        doubt += straight_work - stepped_work
-    return dissipated, doubt
-
-
-def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Array:
-    """Return the elastic energy of the spring between tool and hand at each tick, F^2 / (2 K): (n,), J."""
-    if scene.effect(FRICTION) is None:
-        return np.zeros(len(base))
-    # Of F_t the spring's: viscous friction takes, and stores nothing.
-    pull = surface_force.tangential_force + viscous_coefficient(scene) * surface_force.velocity
-    return np.asarray((surface_force.normal_force**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
-
-
-STICKING_FORMULA = (
-    f"|ihip(t) - ihip(t0)| <= {1e7 * CREEP_SPEED:g} um in 10 s while |F_t| <= {STICKING_SHARE:g} mu_k F_n"
-)
-FRICTION_CONE = _check_of_friction(
-    judge_cone,
-    on_time=((*HAND, "ihip"), ("force",)),
-    id="friction-cone",
-    phenomenon="none of the six: static friction, thesis 4.3.3",
-    formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
-    citation="thesis (4.17)-(4.19), Figure 4.9",
-    metric="force along the surface as a share of mu_s times that across it",
-)
-FRICTION_BREAK_AWAY = _check_of_friction(
-    judge_break_away,
-    id="friction-break-away",
-    phenomenon="none of the six: static friction, thesis 4.3.3",
-    formula="|F_t| >= mu_s F_n - 2 K |dx| - mu_s |dF_n| in the tick before a tool that sticks begins to slide",
-    citation="thesis (4.18), (4.19), Figure 4.9",
-    metric="what the force along the surface lacks of mu_s F_n when the tool begins to slide, as a share of it",
-)
-FRICTION_STICKING = _check_of_friction(
-    judge_sticking,
-    id="friction-sticking",
-    phenomenon="none of the six: static friction, thesis 4.3.3",
-    formula=STICKING_FORMULA,
-    citation="thesis (4.18), (4.19)",
-    metric="how fast the IHIP creeps while it is held",
-    unit="m/s",
-)
-FRICTION_SLIDING = _check_of_friction(
-    judge_sliding,
-    on_time=((*HAND, "ihip"), ("force",)),
-    id="friction-sliding",
-    phenomenon="none of the six: kinetic friction, thesis 4.3.3",
-    formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
-    citation="thesis (4.20), Figure 4.9",
-    metric="what F_t is off mu_k F_n against the motion, as a share of it",
-)
-FRICTION_FORCE = _check_of_friction(
+FRICTION_FORCE = check_of_friction(
     judge_force,
     damped=False,
     id="friction-force",
@@ -619,34 +383,5 @@ FRICTION_FORCE = _check_of_friction(
     effects=LAWS_OF_SPEED,
     not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
 )
-FRICTION_ENERGY = _check_of_friction(
-    judge_energy,
-    on_time=(HAND,),
-    id="friction-energy",
-    phenomenon="none of the six: friction takes energy, and gives none",
-    formula="sum of F . dx <= K sum of |dx|^2 / 2 since free space, at every tick",
-    citation="thesis 2.6.1, 4.3.3",
-    metric="work that the hand has got since free space",
-    unit="J",
-    effects=(FRICTION, VISCOUS_FRICTION),
-)
-FRICTION_WORK = _check_of_friction(
-    judge_work,
-    on_time=(HAND, (*HAND, "ihip"), (*HAND, "force")),
-    damped=False,
-    id="friction-work",
-    phenomenon="none of the six: friction, thesis 4.3.3",
-    formula="-sum of F . dx = sum of mu_k F_n |ds| + K ds.(ds - dx) / 2 over a lap; b v_t . dx; or that of LuGre's F_t",
-    citation="thesis (4.20)",
-    metric="work of the hand less that of the friction's law, as a share of it",
-    effects=FRICTIONS,
-)
-CHECKS = (
-    FRICTION_CONE,
-    FRICTION_BREAK_AWAY,
-    FRICTION_STICKING,
-    FRICTION_SLIDING,
-    FRICTION_FORCE,
-    FRICTION_ENERGY,
-    FRICTION_WORK,
-)
+
+CHECKS = (FRICTION_CONE, FRICTION_BREAK_AWAY, FRICTION_STICKING, FRICTION_SLIDING, FRICTION_FORCE)

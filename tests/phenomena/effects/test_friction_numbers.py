@@ -11,8 +11,9 @@ from made import FAIL, PASS, UNDECIDED, changed, found, recorded
 from hapticeval.effects.friction import Friction
 from hapticeval.geometry.catalogue import circle, line, star
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks import friction
-from hapticeval.phenomena.checks.friction import _break_away_ticks, judge_with_lag
+from hapticeval.phenomena.checks import friction, friction_work
+from hapticeval.phenomena.checks.friction import _break_away_ticks
+from hapticeval.phenomena.measures.friction_check import judge_with_lag
 from hapticeval.phenomena.measures.surface_force import surface_force_of
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
@@ -103,7 +104,7 @@ def test_energy_is_told_in_millijoules_with_what_holding_gives(factor, outcome):
     ihip = np.maximum(hip, 0.0)
     force = 1000.0 * (ihip - hip)
     force[23:] *= factor
-    finding = asked(friction.judge_energy, recorded(hip, ihip, force))
+    finding = asked(friction_work.judge_energy, recorded(hip, ihip, force))
     assert finding.outcome is outcome
     _, first, last, _ = numbers(finding.message)
     assert f"{1e3 * finding.metric.value:.4g} mJ from" in finding.message
@@ -177,7 +178,7 @@ def test_energy_counts_to_the_last_row_and_a_damper_holds_the_step_before():
     ihip = np.column_stack([STEP * np.arange(12), np.zeros(12)])
     force = np.tile([0.0, 0.02], (12, 1))
     force[0], force[10, 0] = 0.0, 5.0
-    finding = friction.judge_energy(
+    finding = friction_work.judge_energy(
         Runs(base := recorded(ihip - force * [0.0, 1e-3], ihip, force)), surface_force_of(base, scene), scene
     )
     assert (finding.evidence["tick"], finding.evidence["from_time"]) == (11, 0.0)
