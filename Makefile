@@ -43,6 +43,7 @@ test: .venv/dev.stamp
 
 system: .venv/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m 'system and not slow'
+	$(BIN)/pytest benchmarks/ --benchmark-disable
 
 # Cells that say the same stay as they are, to the digit. In one process: each table is one file. With CHECK=ID only what asks
 # that check is judged, of that check alone. Nothing selected is no error (5): a check may have no test of its own yet.
@@ -77,7 +78,7 @@ engines-smallest: .venv/dev.stamp
 	$(BIN)/python -m hapticeval.examples.engines.smallest
 
 bench: .venv/dev.stamp
-	$(BIN)/pytest benchmarks/
+	$(BIN)/pytest benchmarks/ -m ''
 
 study: .venv/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m slow

@@ -99,10 +99,10 @@ def main() -> None:
     print(f"{'machine':10} recorder {'median us':>10} {'99.9 % us':>10} {'worst us':>10} {'lost':>6} {'1 ms late':>9}")
     for saturated in (False, True):
         for record in (True, False):
-            found = measure(seconds, saturated=saturated, record=record)
+            delays = measure(seconds, saturated=saturated, record=record)
             print(
-                f"{'saturated' if saturated else 'as it is':10} {'yes' if record else 'no':8} {found.median:10.2f} "
-                f"{found.most:10.2f} {found.worst:10.1f} {found.lost:6} {found.late:7} of {found.cycles}",
+                f"{'saturated' if saturated else 'as it is':10} {'yes' if record else 'no':8} {delays.median:10.2f} "
+                f"{delays.most:10.2f} {delays.worst:10.1f} {delays.lost:6} {delays.late:7} of {delays.cycles}",
                 flush=True,
             )
 

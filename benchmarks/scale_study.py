@@ -107,7 +107,7 @@ class Spent(NamedTuple):
 def processor() -> float:
     """Return the seconds that this process and all below it have spent, the ended that were waited for included."""
     here = psutil.Process()
-    return float(sum(sum(each.cpu_times()[:4]) for each in [here, *here.children(recursive=True)]))
+    return float(sum(sum(process.cpu_times()[:4]) for process in [here, *here.children(recursive=True)]))
 
 
 def spend(folder: Path, cases: int, renderers: int, ticks: int, workers: int, cluster: bool) -> Spent:
@@ -125,27 +125,27 @@ def spend(folder: Path, cases: int, renderers: int, ticks: int, workers: int, cl
         names = [f"slides:Slide{number}" for number in range(renderers)]
         options: dict[str, Any] = {"workers": workers, "scheduler": None if there is None else there.address}
         results = api.run(names, suites=str(folder / "slides.toml"), output=folder / "out", watch=watch, **options)
-    each = []
+    times_of_workers = []
     for file in folder.glob("*.times"):
-        each.append(np.loadtxt(file, ndmin=2))
+        times_of_workers.append(np.loadtxt(file, ndmin=2))
         file.unlink()
-    judging, keeping = np.vstack(each)[:, :2].sum(axis=0)
-    span, used = np.sum([rows[-1, 2:] - rows[0, 2:] for rows in each], axis=0)
+    judging, keeping = np.vstack(times_of_workers)[:, :2].sum(axis=0)
+    span, used = np.sum([rows[-1, 2:] - rows[0, 2:] for rows in times_of_workers], axis=0)
     spent = {name: taken[name] - begun[name] for name in begun}
     return Spent(**spent, judging=judging, keeping=keeping, idle=1.0 - used / span, results=results)
 
 
 def measure(jobs: int, ticks: int, workers: int, cluster: bool, report: bool) -> dict[str, Any]:
     """Run so many jobs of so many ticks, and return what it took."""
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        sys.path.insert(0, made)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        sys.path.insert(0, temporary)
         (folder / "slides.py").write_text(MODULE)
         fixed = spend(folder, workers, 1, ticks, workers, cluster)
         spent = spend(folder, max(jobs // RENDERERS, 1), RENDERERS, ticks, workers, cluster)
         runs = len(spent.results.document.runs)
         more = spent.all - spent.own - (fixed.all - fixed.own)
-        found: dict[str, Any] = {
+        figures: dict[str, Any] = {
             "jobs": runs,
             "verdicts": len(spent.results.verdicts),
             "complete": spent.results.complete,
@@ -166,10 +166,10 @@ def measure(jobs: int, ticks: int, workers: int, cluster: bool, report: bool) ->
         if report:
             before, begun = processor(), time.perf_counter()
             spent.results.report()
-            found["seconds of the report"] = processor() - before
-            found["seconds of the report, of the clock"] = time.perf_counter() - begun
-            found["MB of the client with the report"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    return found
+            figures["seconds of the report"] = processor() - before
+            figures["seconds of the report, of the clock"] = time.perf_counter() - begun
+            figures["MB of the client with the report"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    return figures
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -180,10 +180,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--cluster", action="store_true", help="on a dask scheduler and workers of this machine")
     parser.add_argument("--report", action="store_true")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     os.environ.setdefault("DASK_CONFIG", str(ROOT / "examples" / "dask.yaml"))
-    found = measure(given.jobs, given.ticks, given.workers, given.cluster, given.report)
-    print(json.dumps({name: round(each, 4) for name, each in found.items()}, indent=1))
+    figures = measure(options.jobs, options.ticks, options.workers, options.cluster, options.report)
+    print(json.dumps({name: round(figure, 4) for name, figure in figures.items()}, indent=1))
 
 
 if __name__ == "__main__":

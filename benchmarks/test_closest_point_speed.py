@@ -22,7 +22,7 @@ def call() -> float:
     return min(timeit.repeat(lambda: add(1.0, 2.0), number=10_000, repeat=9)) / 10_000
 
 
-@pytest.mark.parametrize("ask", ["frame", "signed_distance"])
+@pytest.mark.parametrize("ask", ["closest_point", "signed_distance"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_point(benchmark, call, kind, ask):
     benchmark.group = f"boundary, {ask} of one point"

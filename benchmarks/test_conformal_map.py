@@ -57,11 +57,11 @@ def test_build_and_table(benchmark, name, nodes, grid):
     benchmark.group = f"conformal, build and table; target {TARGET} sums"
     curve = MODELS[name].curve
 
-    def made():
+    def build_with_table():
         projection = DiskProjection(conformal_map(curve, nodes=nodes), curve, bilateral=False)
         return projection.trace(grid)
 
-    benchmark.pedantic(made, rounds=5, warmup_rounds=1)
+    benchmark.pedantic(build_with_table, rounds=5, warmup_rounds=1)
     keep(benchmark)
 
 

@@ -33,15 +33,15 @@ SURFACE = (
 """A texture, friction and a transient."""
 
 PLAIN = Scene(model=make_model("circle", size=0.1), device=Parallelogram2())
-ALL = replace(PLAIN, effects=tuple(make_effect(each) for each in SURFACE))
+ALL = replace(PLAIN, effects=tuple(make_effect(entry) for entry in SURFACE))
 TEXTURED = replace(PLAIN, effects=ALL.effects[:1])
 
 
 def rubbing(seconds=SECONDS):
     """A hand that comes down on a circle, rubs along it to and fro, and leaves."""
-    way = np.linspace(0.0, 2.0 * np.pi, 400)
-    points = np.column_stack([0.02 * np.sin(3.0 * way), 0.07 - 0.024 * np.minimum(2.0 - 2.0 * np.cos(way), 1.0)])
-    grip = Hand(path=Path(np.linspace(0.0, seconds, way.size), points), stiffness=300.0, damping=5.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 400)
+    points = np.column_stack([0.02 * np.sin(3.0 * turn), 0.07 - 0.024 * np.minimum(2.0 - 2.0 * np.cos(turn), 1.0)])
+    grip = Hand(path=Path(np.linspace(0.0, seconds, turn.size), points), stiffness=300.0, damping=5.0)
     return Experiment(seconds, points[0], np.zeros(2), np.zeros(1), np.zeros((1, 2)), grip)
 
 
@@ -55,7 +55,7 @@ def loop_run(renderer, scene, experiment):
         loop = loop_of(experiment, scene, DT)
         renderer.reset(loop.out.measured_hip[0])
         began = time.thread_time()
-        ticks, status = run(value, law.data, loop)
+        ticks, status, _number = run(value, law.data, loop)
         took = time.thread_time() - began
         assert (ticks, status) == (loop.out.hip.shape[0], kernels.DONE)
         return took, loop.out.force
@@ -79,26 +79,31 @@ def test_a_scene_without_effects_is_as_fast_as_the_renderer_itself(benchmark):
     before, now = best(bare, machinery)
     benchmark.extra_info["ratio"] = round(now / before, 4)
     benchmark(machinery)
-    assert now <= 1.02 * before
+    assert benchmark.disabled or now <= 1.02 * before
 
 
 @pytest.mark.benchmark(group="effects")
 def test_texture_friction_and_a_transient_on_the_robot_run_a_hundred_times_real_time(benchmark):
-    run, plain = (loop_run(make_renderer(resolve("minimum-distance"), each), each, rubbing()) for each in (ALL, PLAIN))
+    run, plain = (
+        loop_run(make_renderer(resolve("minimum-distance"), scene), scene, rubbing()) for scene in (ALL, PLAIN)
+    )
     forces = run()[1]
     assert np.abs(forces).max() > 1.0
     took, without = best(run, plain)
     benchmark.extra_info["times real time"] = round(SECONDS / took)
-    benchmark.extra_info["ns a tick, with and without"] = [round(1e9 * DT * each / SECONDS) for each in (took, without)]
+    benchmark.extra_info["ns a tick, with and without"] = [
+        round(1e9 * DT * seconds / SECONDS) for seconds in (took, without)
+    ]
     benchmark(run)
-    assert took < SECONDS / 100.0
+    assert benchmark.disabled or took < SECONDS / 100.0
 
 
 @pytest.mark.benchmark(group="effects")
+@pytest.mark.slow
 def test_of_a_thousand_contacts_ten_are_textured_and_ten_are_paid_for(benchmark):
     """A contact is a scene of its own. What 10 of 1,000 add is 10 times what one adds, to the noise of all."""
     textured, plain = (
-        loop_run(make_renderer(resolve("minimum-distance"), each), each, rubbing(0.2)) for each in (TEXTURED, PLAIN)
+        loop_run(make_renderer(resolve("minimum-distance"), scene), scene, rubbing(0.2)) for scene in (TEXTURED, PLAIN)
     )
     with_, without = best(textured, plain, rounds=200)
 
@@ -108,10 +113,10 @@ def test_of_a_thousand_contacts_ten_are_textured_and_ten_are_paid_for(benchmark)
 
     rounds = [[[contact(k, count) for count in (0, 10, 1000)] for k in range(1000)] for _ in range(3)]
     none, ten, thousand = np.sum(np.min(rounds, axis=0), axis=0)
-    benchmark.extra_info["none, 10, 1000 textured, ms"] = [round(1e3 * each, 2) for each in (none, ten, thousand)]
+    benchmark.extra_info["none, 10, 1000 textured, ms"] = [round(1e3 * seconds, 2) for seconds in (none, ten, thousand)]
     benchmark.extra_info["a textured contact adds, us"] = round(1e6 * (with_ - without), 2)
     benchmark(textured)
-    assert ten - none < 0.01 * none + 0.02 * (thousand - none)
+    assert benchmark.disabled or ten - none < 0.01 * none + 0.02 * (thousand - none)
 
 
 @pytest.mark.benchmark(group="effects")
@@ -119,11 +124,11 @@ def test_the_loop_of_a_combination_compiles_within_ten_seconds(benchmark):
     """Without any cache of its own; what it calls is compiled already, for other combinations call it too."""
     law = abilities_of(make_renderer(resolve("minimum-distance"), ALL)).law
     value = law_value(law.function, law.data)
-    given = tuple(numba.typeof(each) for each in (value, law.data, loop_of(rubbing(), ALL, DT)))
+    argument_types = tuple(numba.typeof(argument) for argument in (value, law.data, loop_of(rubbing(), ALL, DT)))
 
     def compile_():
-        numba.njit(error_model="numpy", _nrt=False)(kernels.run.py_func).compile(given)
+        numba.njit(error_model="numpy", _nrt=False)(kernels.run.py_func).compile(argument_types)
 
     began = time.process_time()
     benchmark.pedantic(compile_, rounds=1)
-    assert time.process_time() - began < 10.0
+    assert benchmark.disabled or time.process_time() - began < 10.0

@@ -34,6 +34,7 @@ def addition() -> float:
 
 
 @pytest.mark.parametrize("model", [cassinian(), star()], ids=["cassinian", "star"])
+@pytest.mark.slow
 def test_build(benchmark, addition, model):
     benchmark.group = "flow map, 200 cells"
     settings = FlowSettings()

@@ -49,5 +49,5 @@ def test_ideal_on_icospheres(benchmark, where, subdivisions):
     benchmark.extra_info["times real time"] = SECONDS / min(seconds)
     benchmark.extra_info["events"] = len(recording.meta["events"])
     benchmark.extra_info["cost of a step beside the coarsest mesh's"] = growth
-    assert SECONDS / min(seconds) > REAL_TIMES
-    assert where == "led" or growth < MOST_GROWTH
+    assert benchmark.disabled or SECONDS / min(seconds) > REAL_TIMES
+    assert benchmark.disabled or where == "led" or growth < MOST_GROWTH

@@ -101,4 +101,4 @@ def test_closed_loop(benchmark, case, controller, hand):
     benchmark.extra_info["times real time"] = round(DT * ticks / looped)
     benchmark.extra_info["times the loop through Python"] = round(slow / looped, 1)
     benchmark(simulate_closed_loop, renderer, experiment, scene, DT)
-    assert ratio < ALLOWED
+    assert benchmark.disabled or ratio < ALLOWED

@@ -30,7 +30,7 @@ def path(dimension):
 def test_run(benchmark, name, model):
     hips = path(model.dimension)
     scene = Scene(model=model)
-    runs = [resolve(each)(scene).run for each in (name, "minimum-distance+transversal")]
+    runs = [resolve(renderer)(scene).run for renderer in (name, "minimum-distance+transversal")]
     times = np.empty((15, 2))
     for row in times:
         for column, run in enumerate(runs):
@@ -40,5 +40,5 @@ def test_run(benchmark, name, model):
     here, there = times[1:].min(axis=0)
     benchmark.extra_info["us a step"] = round(here / STEPS * 1e6, 4)
     benchmark.extra_info["times minimum distance"] = round(here / there, 3)
-    assert here <= MOST[name] * there
+    assert benchmark.disabled or here <= MOST[name] * there
     benchmark(runs[0], hips, 1e-3)

@@ -17,9 +17,10 @@ DIRECT = (sys.executable, "-c")
 
 def run_suite(directory: Path) -> float:
     *_, finished = execute(plan(["thesis"], own_renderers(), RunOptions(output=directory, workers=2)))
-    return float(finished.results.timing["times_real_time"])
+    return float(finished.results.timing.times_real_time)
 
 
+@pytest.mark.slow
 def test_the_thesis_suite_on_all_reference_renderers(benchmark, tmp_path):
     """Simulated seconds a wall second, all renderers added up, compiled code warm: at least 100."""
     run_suite(tmp_path / "warm")

@@ -34,6 +34,7 @@ def first_failure(renderer: str, check: str) -> int:
 
 
 @pytest.mark.parametrize(("renderer", "check"), PUBLISHED)
+@pytest.mark.slow
 def test_how_soon_the_first_failure_is_met(benchmark, renderer, check):
     """In a process of its own, with its start and the preparation of each model, kernels compiled: within 10 s."""
     benchmark.extra_info["examples"] = benchmark.pedantic(lambda: first_failure(renderer, check), rounds=1)

@@ -97,7 +97,7 @@ def test_set_stabilisation_on_the_cassinian(benchmark, case):
     states, hips, feet, rooms = case
     outs, expected, one = np.empty((COUNT, 2)), np.empty((COUNT, 2)), np.empty(2)
     rows, points = [tuple(row) for row in np.column_stack([states, feet]).tolist()], list(states)
-    pieces, samples = rooms[1].segments, rooms[1].lookup
+    pieces, samples = rooms[1].pieces, rooms[1].lookup
     sympy = on_the_cassinian()
     formula = numba.njit(sympy)
 
@@ -124,18 +124,18 @@ def test_set_stabilisation_on_the_cassinian(benchmark, case):
 
     in_a_loop()
     by_compiled_sympy()
-    for found in (by_sympy(), expected):
-        np.testing.assert_allclose(outs, found, rtol=1e-9, atol=1e-9 * np.abs(outs).max())
+    for torques in (by_sympy(), expected):
+        np.testing.assert_allclose(outs, torques, rtol=1e-9, atol=1e-9 * np.abs(outs).max())
     by_call()
     plain, yardstick, projecting, called, looped = best(
         by_sympy, by_compiled_sympy, by_sympy_that_projects, by_call, in_a_loop
     )
     benchmark.extra_info["microseconds: sympy, sympy compiled, called, in a loop"] = [
-        round(each / COUNT * 1e6, 3) for each in (plain, yardstick, called, looped)
+        round(seconds / COUNT * 1e6, 3) for seconds in (plain, yardstick, called, looped)
     ]
     benchmark.extra_info["times sympy compiled"] = looped / yardstick
     benchmark.extra_info["times faster than sympy, in a loop"] = plain / looped
     benchmark.extra_info["times faster than sympy, called"] = plain / called
     benchmark.extra_info["times faster than sympy with the projection, called"] = projecting / called
     benchmark.pedantic(in_a_loop, rounds=10, warmup_rounds=1)
-    assert looped < ALLOWED * yardstick
+    assert benchmark.disabled or looped < ALLOWED * yardstick
