@@ -4,7 +4,7 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.listing import explanation
-from hapticeval.errors import UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError
 
 
 @pytest.mark.parametrize(
@@ -41,6 +41,15 @@ def test_an_unknown_word_suggests_names_and_words():
     with pytest.raises(UnknownNameError, match="unknown check 'tunneling'") as refused:
         explanation("tunneling")
     assert "tunnelling" in refused.value.todo
+
+
+@pytest.mark.parametrize(
+    ("word", "kind"), [("star-convex-corner", "cases"), ("dumbbell", "models"), ("parallelogram-2dof", "devices")]
+)
+def test_what_is_no_check_is_told_where_it_is_listed(word, kind):
+    with pytest.raises(InputError, match=f"'{word}' is no check") as refused:
+        explanation(word)
+    assert refused.value.todo == f"see hapticeval list {kind}"
 
 
 def test_words_of_no_letters_are_unknown():

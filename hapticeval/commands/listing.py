@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -65,6 +66,10 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
             name,
             ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in outlined),
         )
+
+
+def _rows_of_cases() -> Rows:
+    return chain.from_iterable(rows for _, rows in cases())
 
 
 def _cases_in_file(file: str) -> Sequence[tuple[Heading, bool]]:
@@ -162,7 +167,7 @@ def explanation(word: str) -> str:
     """Return what is asked first of a check by its id or by a word of the field for it, as `pop-through`.
 
     Where several checks have that word in their ids or are called so, or their pages use it, it lists those. Raises
-    `UnknownNameError` for a word of none.
+    `UnknownNameError` for a word of none, and `InputError` for what is no check, but a renderer, a case or the like.
     """
     from hapticeval.phenomena.registry import CHECKS, checks_called, has_word, read_pages
 
@@ -174,6 +179,11 @@ def explanation(word: str) -> str:
     pages = read_pages()
     named = called or [name for name, page in pages.items() if has_word(page.text, word)]
     if not named:
+        for what, rows in {**LISTINGS, cases.__name__: _rows_of_cases}.items():
+            if word in (name for name, _ in rows()):
+                raise InputError(
+                    f"'{word}' is no check", why=f"it is among the {what}", todo=f"see hapticeval list {what}"
+                )
         raise UnknownNameError(
             "check", word, {*CHECKS, *(text for page in pages.values() for text in page.also_called)}
         )

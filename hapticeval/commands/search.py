@@ -281,7 +281,8 @@ def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     if outcome.silence:
         effort.append(f"at the end {outcome.silence}")
     if not outcome.judged and not outcome.counterexamples:
-        return lines([*effort, "nothing was judged: no example had an answer when the search ended"])
+        todo = "give more --seconds, or see whether the model is as large as you mean"
+        return lines([*effort, f"nothing was judged: no example had an answer when the search ended; {todo}"])
     cut_short = [
         counterexample.fault.check for counterexample in outcome.counterexamples if not counterexample.complete
     ]
