@@ -116,14 +116,14 @@ class Affected:
         """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
         for change, state in zip(self._changes, self._initial_states, strict=True):
             change.data.state[:] = state
-        self.base.reset(hip)
+        self.base.reset(hip.copy())
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """Answer one tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s.
 
         Raises `DomainError` where an effect is not defined.
         """
-        ihip, force = (np.array(vector, dtype=np.float64) for vector in self.base.step(hip, velocity, dt))
+        ihip, force = self._bare_step(hip, velocity, dt)
         self.contact = self._reported_contact()
         hip, velocity = (np.array(vector, dtype=np.float64)[np.newaxis] for vector in (hip, velocity))
         self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
@@ -143,7 +143,7 @@ class Affected:
             self.contact = self._reported_contact()
         else:
             steps = [
-                (*self.base.step(hip, velocity, dt), self._reported_contact())
+                (*self._bare_step(hip, velocity, dt), self._reported_contact())
                 for hip, velocity in zip(hips, velocities, strict=True)
             ]
             answers = np.array([ihip for ihip, *_ in steps]), np.array([force for _, force, _ in steps])
@@ -159,6 +159,14 @@ class Affected:
     def diagnostics(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """Return the base's own channels of a run; asked where it has any."""
         return self.base.diagnostics(recording)  # type: ignore[attr-defined, no-any-return]
+
+    def _bare_step(self, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+        """Return the bare answer, IHIP and force (N,), to a tick.
+
+        It gets copies and gives some: what the renderer does to its arguments, and to its answers later, stays its own.
+        """
+        ihip, force = self.base.step(hip.copy(), velocity.copy(), dt)
+        return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
     def _reported_contact(self) -> Any:
         """Return what the renderer reports of the contact in its last answers."""

@@ -275,10 +275,22 @@ def _check_free_space(case: Case) -> StateAndText:
     if off > single_rounding(hips):
         if _is_thousandfold(ihips, hips):
             return State.MISSING, "the IHIP is a thousand times the HIP: points are in m, not in mm"
-        return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
+        advice = (
+            "step() changes the hip that it is given: change a copy" if _changes_hip(case) else "return the HIP there"
+        )
+        return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: {advice}"
     if getattr(case.renderer, "contact", None):
         return State.MISSING, "it reports contact in free space"
     return State.OK, "the IHIP is the HIP, and the force zero"
+
+
+def _changes_hip(case: Case) -> bool:
+    """Return whether a step changes the array that it is given; what it answers with that is no hand position."""
+    hip = case.path.hips[0]
+    reset_checked(case.renderer, hip)
+    given_hip = hip.copy()
+    case.renderer.step(given_hip, np.zeros_like(hip), case.scene.sampling_time)
+    return not np.array_equal(given_hip, hip)
 
 
 def _check_contact(case: Case) -> StateAndText:
@@ -421,18 +433,20 @@ def _check_non_finite(case: Case) -> StateAndText:
 
 def _check_speed(case: Case) -> StateAndText:
     """Check that a step takes less than the sampling time."""
-    dt, hips = case.scene.sampling_time, case.path.hips
+    dt, path = case.scene.sampling_time, case.path.hips
+    # To and fro, each row an array of its own, which a step may change.
+    hips = np.resize(path, (TIMED_TICKS, path.shape[1]))
     reset_checked(case.renderer, hips[0])
     still, spent, answers = np.zeros_like(hips[0]), [], []
-    for k in range(TIMED_TICKS):
+    for k, hip in enumerate(hips):
         # Called bare, without the checks of `step_checked`: their time is not the renderer's.
-        with renderer_errors("step()", tick=k, hip=hips[k % len(hips)]):
+        with renderer_errors("step()", tick=k, hip=hip):
             begun = time.perf_counter()
-            answer = case.renderer.step(hips[k % len(hips)], still, dt)
+            answer = case.renderer.step(hip, still, dt)
             spent.append(time.perf_counter() - begun)
         answers.append(answer)
     for k, answer in enumerate(answers):
-        check_answer(answer, k, hips[k % len(hips)])
+        check_answer(answer, k, hips[k])
     usual, p99 = (float(np.percentile(spent, share)) for share in (50, 99))
     step, slow_step, tick = format_duration(usual), format_duration(p99), format_duration(dt)
     words = f"{step} a step, 99 % in {slow_step}, through Python; a tick has {tick}"

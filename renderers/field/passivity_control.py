@@ -116,7 +116,7 @@ class Controlled:
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m, its `velocity` (N,), m/s, and `dt`, s; IHIP (N,), m, and force (N,), N."""
-        ihip, force = self.inner.step(hip, velocity, dt)
+        ihip, force = self.inner.step(hip, velocity.copy(), dt)
         force = np.asarray(force, dtype=np.float64)
         self.energy -= float(force @ velocity) * dt
         speed2 = float(velocity @ velocity)

@@ -150,6 +150,33 @@ def test_a_force_outside_of_contact_is_no_contact_to_others(monkeypatch, effect)
     np.testing.assert_allclose(both[1], other_alone[1] - [0.2, 0.0], atol=1e-15)
 
 
+class Untidy(Python):
+    """It turns what it is given into millimetres, and answers in the same two arrays every time."""
+
+    def __init__(self, renderer):
+        super().__init__(renderer)
+        self.ihip, self.force = np.zeros(2), np.zeros(2)
+
+    def reset(self, hip):
+        super().reset(hip.copy())
+        hip *= 1e3
+
+    def step(self, hip, velocity, dt):
+        self.ihip[:], self.force[:] = self.renderer.step(hip.copy(), velocity.copy(), dt)
+        hip *= 1e3
+        velocity *= 1e3
+        return self.ihip, self.force
+
+
+def test_what_a_renderer_does_to_its_arrays_changes_no_effect():
+    scene, hips = scene_of("circle", Friction(mu_s=0.5, mu_k=0.3), ViscousFriction(coefficient=2.0)), path_into_model(2)
+    bare = resolve("minimum-distance")
+    right = steps(make_renderer(lambda scene: Python(bare(scene)), scene), hips)
+    untidy = make_renderer(lambda scene: Untidy(bare(scene)), scene)
+    for answers in (steps(untidy, hips), untidy.run(hips, 1e-3)):
+        np.testing.assert_allclose(answers, right, rtol=1e-12)
+
+
 def test_an_effect_refuses_by_name(refused):
     scene = scene_of("circle", Suction(0.2, deepest=0.02))
     renderer = make_renderer(resolve("minimum-distance"), scene)

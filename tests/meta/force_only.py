@@ -41,6 +41,12 @@ class Stiff(Field):
     gain = 3.0
 
 
+class Mute(Field):
+    """Never gives a force. Wrong."""
+
+    gain = 0.0
+
+
 class Pulling(Field):
     """Pulls the hand in. Wrong."""
 

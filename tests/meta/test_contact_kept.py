@@ -116,6 +116,16 @@ def test_a_plate_thinner_than_a_step_of_the_hand_is_not_passed(model, up):
         assert finding_of(resolve("constraint"), model, path).outcome is Outcome.PASS
 
 
+@pytest.mark.parametrize("start", [0.0, 1e-5, 2e-5])
+def test_a_contact_on_the_back_of_a_plate_does_not_let_the_tool_through(start):
+    """The one tick in which the hand is within the plate, at 10 or 20 of 50 um, the nearest point is behind it."""
+    path = along([0.0, 0.02 + start], [0.0, start - 0.02], duration=0.2)
+    finding = finding_of(resolve("minimum-distance"), THIN, path)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == "tunnelled"
+    assert finding_of(resolve("constraint"), THIN, path).outcome is Outcome.PASS
+
+
 def test_a_hand_that_goes_round_a_plate_is_free():
     """In three ticks past its edge, once close by and once so that the chord of one step cuts the edge."""
     for gap in (2e-4, -5e-5):

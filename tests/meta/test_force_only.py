@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
-from force_only import Afar, Aside, DeadBand, Dodging, Field, Interrupted, Late, Pulling, Silent, Stiff
+from force_only import Afar, Aside, DeadBand, Dodging, Field, Interrupted, Late, Mute, Pulling, Silent, Stiff
 
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.runner.judging import judge
@@ -58,7 +58,9 @@ def test_one_that_has_a_contact_point_is_judged_by_it_whatever_it_declares():
     assert verdicts(Dodging)["continuous-contact"].outcome is Outcome.FAIL
 
 
-@pytest.mark.parametrize(("make", "check"), [(Interrupted, "force-magnitude"), (Afar, "contact-kept")])
+@pytest.mark.parametrize(
+    ("make", "check"), [(Interrupted, "force-magnitude"), (Mute, "force-magnitude"), (Afar, "contact-kept")]
+)
 def test_a_force_that_is_missing_inside_or_felt_outside_is_stopped(make, check):
     assert verdicts(make)[check].outcome is Outcome.FAIL
     assert verdicts(make)[check].level is Level.MUST

@@ -381,11 +381,14 @@ def test_timing_asks_for_as_many_steps_as_it_says(work):
 
         def step(self, hip, velocity, dt):
             self.calls += 1
+            hip *= 2.0
+            velocity *= 2.0
             return hip, velocity
 
-    renderer = Counting()
-    samples = step_times(renderer, sample_track(work.slide, work.dt), 30, first=1990)
+    renderer, track = Counting(), sample_track(work.slide, work.dt)
+    samples = step_times(renderer, track, 30, first=1990)
     assert samples.shape == (30,)
+    np.testing.assert_array_equal(track.hips, sample_track(work.slide, work.dt).hips, "a step changes its own copy")
     assert renderer.calls == 30 + 200
     assert batch_times(renderer, sample_track(work.slide, work.dt), 5) is None
 

@@ -39,6 +39,18 @@ class Hums(Good):
         ihip, force = super().step(hip, velocity, dt)
         return ihip, force + 0.01
 
+class Shifts(Good):
+    def step(self, hip, velocity, dt):
+        hip -= 0.05
+        ihip, force = super().step(hip + 0.05, velocity, dt)
+        return (ihip, force) if force.any() else (hip, force)
+
+class Scratches(Good):
+    def step(self, hip, velocity, dt):
+        answer = super().step(hip.copy(), velocity, dt)
+        hip *= 1e200
+        return answer
+
 class Sticks(Good):
     held = None
     def reset(self, hip):
@@ -194,6 +206,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Wears", {"reset": "missing", "non-finite": "missing"}),
         ("Blind", {"non-finite": "missing"}),
         ("Rests", {}),
+        ("Scratches", {}),
         ("Passes", {"non-finite": "missing"}),
         ("Locks", {"non-finite": "missing"}),
         ("Other", {"batch": "missing"}),
@@ -251,12 +264,15 @@ def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
     [
         ("Millimetres", "free space", State.MISSING, "points are in m, not in mm"),
         ("Millimetres", "contact", State.MISSING, "points are in m, not in mm"),
+        ("Shifts", "free space", State.MISSING, "step() changes the hip that it is given: change a copy"),
         ("Soft", "contact", State.NOTE, "a factor of 1000"),
         ("Balloon", "contact", State.MISSING, "declares a standoff of 10 mm, of which"),
         ("Pulls", "reset inside", State.MISSING, "turn its sign"),
     ],
 )
-def test_a_unit_or_a_sign_is_named(here: Path, name: str, what: str, state: State, words: str) -> None:
+def test_a_unit_a_sign_or_a_changed_argument_is_named(
+    here: Path, name: str, what: str, state: State, words: str
+) -> None:
     found = [each for each in examine(f"patients:{name}", patience=ANSWER_SECONDS) if each.what == what]
     assert len(found) == 2, "in the plane and in space"
     assert all(each.state is state and words in each.text for each in found)

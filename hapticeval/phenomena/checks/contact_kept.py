@@ -26,7 +26,7 @@ from hapticeval.phenomena.sampling import (
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -64,6 +64,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     contact[rows] = ~(in_free_space & clear_of_surface(base, rows, scene))
     sunk = np.zeros(len(base), dtype=bool)
     sunk[rows] = scene.model.boundary.signed_distance(base.ihip[rows]) < -(across + grain)
+    sunk |= _begun_behind(base, contact, scene.model.boundary, grain, across)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
     reach = moved + (across + resolution(base, scene)) + grain
     gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
@@ -202,10 +203,26 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     return tool
 
 
+def _begun_behind(base: Recording, contact: BoolArray, boundary: Boundary, grain: float, across: float) -> BoolArray:
+    """Return the rows of contacts, (n,), that begin where a rigid tool does not get to, as on the back of a plate.
+
+    The IHIP may lie `across` (m) under the surface, and is placed to `grain` (m).
+    """
+    behind = np.zeros(len(base), dtype=bool)
+    for begin, end in runs_of(contact):
+        # Before it the tool was free.
+        if begin == 0 or not boundary.signed_distance(base.ihip[begin - 1 : begin])[0] >= 0.0:
+            continue
+        held_at = follow(boundary, base.ihip[begin - 1], base.ihip[begin], grain)
+        behind[begin:end] = held_at is not None and distance_between(held_at, base.ihip[begin]) > across + grain
+    return behind
+
+
 def _carried(base: Recording, sunk: BoolArray, boundary: Boundary, tick: int, grain: float) -> Array:
     """Return where a rigid tool is, (N,), m, that has followed the renderer's own up to the row before `tick`.
 
-    That is the IHIP; where it has `sunk` (n,) into the solid, the tool is led along outside, from where it was last.
+    That is the IHIP; where it has `sunk` (n,) into the solid, or is behind it, the tool is led along outside, from
+    where it was last.
     """
     outside = np.flatnonzero(~sunk[:tick])
     start = int(outside[-1]) if outside.size else tick - 1

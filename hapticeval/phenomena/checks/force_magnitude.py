@@ -42,15 +42,17 @@ from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
+NO_FORCE = "no force above the floor: the tool never presses on the surface"
+
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the stiffness at every tick in contact, and look for what explains its deviations."""
     base = as_sensed(runs.base)
-    if not above_force_floor(base, scene).any():
-        return undecided("no force above the floor: the tool never presses on the surface")
-    declared = base.meta.get("spring")
     if lacks_ihip(base, scene):
         return _without_ihip(base, scene)
+    if not above_force_floor(base, scene).any():
+        return undecided(NO_FORCE)
+    declared = base.meta.get("spring")
     level = Level.MUST if declared is not None and declared_range(base) is None else Level.SHOULD
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     if not depths[above_force_floor(base, scene)].any():
@@ -88,6 +90,8 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     depth, no_tool = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0), declares_force_only(base)
     # A force-only renderer must give a force at every depth > 0, and not only where it gives one.
     ticks = np.flatnonzero(above_force_floor(base, scene) | (no_tool & (depth > 0.0)))
+    if not ticks.size:
+        return undecided(NO_FORCE)
     # Depths (lags, n) that a late force may answer.
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)

@@ -42,6 +42,9 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     # |F_t| less what the scene's dampers and rounding may make of it.
     least_tangential = np.maximum(surface_force.tangential_size - surface_force.open_force, 0.0)
     limit = friction.mu_s * np.maximum(surface_force.normal_force, 0.0)
+    if np.any(least_tangential > limit * (1.0 + LENGTH_ROUNDING)):
+        # What leaves the cone may be a facet's lean.
+        least_tangential = np.maximum(least_tangential - surface_force.leaning, 0.0)
     # |F_t| / (mu_s F_n); infinite where nothing presses the tool
     shares = np.divide(least_tangential, limit, out=np.where(least_tangential > 0.0, np.inf, 0.0), where=limit > 0.0)
     worst = worst_row(shares)
@@ -251,7 +254,12 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
+    if np.any(deviation[ticks] > allowed[ticks]):
+        # What is off may be a facet's lean.
+        allowed[ticks] += surface_force.leaning[ticks] / braking[ticks]
     worst = int(ticks[worst_row((deviation - allowed)[ticks])])
+    if deviation[worst] <= allowed[worst] and allowed[worst] > TELLING_SHARE:
+        return undecided("facets of the declared resolution may turn the force by a tenth of the friction or more")
     # The force against the motion, N, for the message.
     against = -float(np.sum(surface_force.tangential_force[worst] * step[worst])) / float(length[worst])
     comparison = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {braking[worst]:.4g} N"

@@ -186,7 +186,7 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
         grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
         begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
         rows = slice(begin, end)
-        normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
+        normal = boundary.closest_point(plain.ihip[begin : begin + 1]).normal[0]
         along = added[rows] @ normal
         # An impulse along the surface, N s, which the effect has none of.
         across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt

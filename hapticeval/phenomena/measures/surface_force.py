@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import VISCOUS_FRICTION
 from hapticeval.phenomena.decisions import COORDINATE_ROUNDINGS
-from hapticeval.phenomena.sampling import above_force_floor, hand_velocity
+from hapticeval.phenomena.sampling import above_force_floor, hand_velocity, resolution
 from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -28,6 +28,7 @@ class SurfaceForce:
     - `open_force` (n,), N: what dampers and viscous friction may add along the surface, rounding, and
       `open_between_ticks`.
     - `open_between_ticks` (n,), N: by how much the force of a channel that is late may be off between two ticks.
+    - `leaning` (n,), N: what facets of the declared resolution may turn along the surface.
     """
 
     pressed: BoolArray
@@ -38,6 +39,7 @@ class SurfaceForce:
     unit_normals: Array
     open_force: Array
     open_between_ticks: Array
+    leaning: Array
 
     def share_of_cone(self, coefficient: float) -> Array:
         """Return |F_t| / (mu F_n), (n,): 1 on the edge of the cone of a `coefficient`, and 0 where nothing presses."""
@@ -54,7 +56,8 @@ def surface_force_of(base: Recording, scene: Scene, open_between_ticks: Array | 
     pressed = above_force_floor(base, scene)
     rows = np.flatnonzero(pressed)
     ihip, force, boundary = base.ihip[rows], base.force[rows], scene.model.boundary
-    unit_normals = boundary.closest_point(ihip).normal
+    frame = boundary.closest_point(ihip)
+    unit_normals = frame.normal
     # F_n = n . F, and F_t = F - F_n n
     across, tangential_force = np.sum(force * unit_normals, axis=1), along_surface(force, unit_normals)
     # A bilateral surface may pull: its force is turned round, so that it presses.
@@ -69,6 +72,8 @@ def surface_force_of(base: Recording, scene: Scene, open_between_ticks: Array | 
         tangential_size = np.linalg.norm(tangential_force, axis=1)
     velocity = along_surface(hand_velocity(base)[rows], unit_normals)
     damper_force = (scene.damping + viscous_coefficient(scene)) * np.linalg.norm(velocity, axis=1)
+    # Within a facet's length the surface somewhere has the facet's direction: it leans by kappa times that length.
+    leaning_angle = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1) * resolution(base, scene)
     # Rounding is a share of the largest numbers that a force is made of: K |x| of positions, and the force itself.
     largest = scene.stiffness * float(np.max(np.abs(base.hip))) + strength
     parts = {
@@ -78,6 +83,7 @@ def surface_force_of(base: Recording, scene: Scene, open_between_ticks: Array | 
         "velocity": velocity,
         "unit_normals": unit_normals,
         "open_force": damper_force + COORDINATE_ROUNDINGS * ihip_precision(base) * largest,
+        "leaning": strength * np.sin(np.minimum(leaning_angle, 0.5 * np.pi)),
     }
     # Zero in ticks without a force above the floor.
     columns = {name: np.zeros((len(base), *part.shape[1:])) for name, part in parts.items()}

@@ -69,7 +69,7 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
     samples = np.empty(count, dtype=np.int64)
     # As far as the path is long enough the timed stretch does not wrap round its end.
     first = min(first, max(len(rows) - count - WARM_UP, 0))
-    renderer.reset(rows[first][0])
+    renderer.reset(rows[first][0].copy())
     if isinstance(renderer, LibraryRenderer):
         timed = [rows[(first + k) % len(rows)] for k in range(WARM_UP + count)]
         hips, velocities = (np.array(column) for column in zip(*timed, strict=True))
@@ -80,9 +80,10 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
     # Caches, branch prediction and the contact's state are as in the middle of a run.
     for k in range(WARM_UP):
         hip, velocity = rows[(first + k) % len(rows)]
-        step(hip, velocity, dt)
+        step(hip.copy(), velocity.copy(), dt)
     for k in range(count):
-        hip, velocity = rows[(first + WARM_UP + k) % len(rows)]
+        # Copies, which a step may change.
+        hip, velocity = (column.copy() for column in rows[(first + WARM_UP + k) % len(rows)])
         begun = clock()
         step(hip, velocity, dt)
         samples[k] = clock() - begun
@@ -95,14 +96,15 @@ def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None
         return None
     clock, run, hips, dt = time.perf_counter_ns, cast("Batch", renderer).run, along.hips, along.dt
     begun = clock()
-    run(hips, dt)
+    run(hips.copy(), dt)
     # The first run compiles and warms; it also says how many fit into the time.
     took = (clock() - begun) * 1e-9
     repeats = int(np.clip(LONG_BATCH / max(took, 1e-9), 3, count))
     samples = np.empty(repeats, dtype=np.int64)
     for k in range(repeats):
+        given_hips = hips.copy()
         begun = clock()
-        run(hips, dt)
+        run(given_hips, dt)
         # ns of the run times 1000 over its steps: ps per step.
         samples[k] = (clock() - begun) * 1000 // len(hips)
     return samples

@@ -51,9 +51,9 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     def force_after(before: Array, now: Array, velocity: Array) -> Array:
         """Return the force (N,), N, at `now` after `before` (N,), m, with `velocity` (N,), m/s."""
         # Two ticks: the first makes `before` the last HIP for a renderer that remembers it.
-        renderer.reset(before)
-        renderer.step(before, still, dt)
-        return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
+        renderer.reset(before.copy())
+        renderer.step(before.copy(), still.copy(), dt)
+        return np.asarray(renderer.step(now.copy(), velocity.copy(), dt)[1], dtype=np.float64)
 
     def gains_at_depth(depth: float) -> Array:
         """Return the three gains (3, N, N) at a depth, m."""

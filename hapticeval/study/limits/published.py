@@ -147,8 +147,8 @@ def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step
     def force_where(counts: tuple[float, ...]) -> float:
         """Return the force (N) along the normal that the renderer answers where the encoders say that the hand is."""
         hip = np.asarray(device.position(encoder_step * np.array(counts)))
-        renderer.reset(hip)
-        return float(renderer.step(hip, still, scene.sampling_time)[1] @ place.normal)
+        renderer.reset(hip.copy())
+        return float(renderer.step(hip, still.copy(), scene.sampling_time)[1] @ place.normal)
 
     def forces_at(depths: Array) -> Array:
         """Return the forces (n,), N, at true depths (n,), m, each by joints in whole counts."""

@@ -214,6 +214,31 @@ def test_on_a_curve_the_force_may_turn_by_the_square_of_what_the_hand_is_ahead()
     assert finding.bound == pytest.approx((10.0 * (1e-4 + (0.6 + 2.0) / 1000.0)) ** 2, rel=1e-2)
 
 
+def test_facets_of_the_declared_resolution_lean_from_the_surface():
+    """Chords of 1 mm on a circle of 100 mm turn a force by up to 10 mrad, of which 33 mrad of mu_k = 0.3 are made."""
+    scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1, effects=SCENE.effects)
+    angle = 1e-3 * np.arange(30)
+    out, ahead = np.column_stack([np.cos(angle), np.sin(angle)]), np.column_stack([-np.sin(angle), np.cos(angle)])
+    force = 2.0 * out - (0.6 + 2.0 * 9e-3) * ahead
+    base = recorded(0.1 * out - force / 1000.0, 0.1 * out, force)
+    asked_of = {0.0: FAIL, 0.3e-3: FAIL, 1e-3: PASS, 5e-3: UNDECIDED}
+    for resolution, expected in asked_of.items():
+        assert found("friction-sliding", changed(base, {"resolution": resolution}), scene).outcome is expected
+    # A right one is not worse for what it declares.
+    right = recorded(0.1 * out - (2.0 * out - 0.6 * ahead) / 1000.0, 0.1 * out, 2.0 * out - 0.6 * ahead)
+    assert found("friction-sliding", changed(right, {"resolution": 5e-3}), scene).outcome is PASS
+
+
+@pytest.mark.parametrize(("resolution", "expected"), [(0.0, FAIL), (1e-3, PASS)])
+def test_a_cone_leans_with_the_facets_of_the_declared_resolution(resolution, expected):
+    scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1, effects=SCENE.effects)
+    # 1 N a little outside of the cone of mu_s = 0.5
+    force = np.tile([1.0, -0.509], (10, 1))
+    ihip = np.tile([0.1, 0.0], (10, 1))
+    base = recorded(ihip - force / 1000.0, ihip, force, meta={"resolution": resolution})
+    assert found("friction-cone", base, scene).outcome is expected
+
+
 def test_what_is_open_between_ticks_is_open_of_the_force():
     ihip, hip, force = pressed_and_pulled(np.full(5, 0.3))
     base, between = recorded(hip, ihip, force), 0.1 * np.arange(5.0)

@@ -102,6 +102,19 @@ def struck(late, factor=1.0, cap=np.inf, numbers=np.float64):
     return lambda check: found(check, Runs(run, without=lambda kind: plain), scene)
 
 
+def test_a_blow_of_a_hand_on_the_surface_is_along_the_normal_of_its_tick():
+    """By rounding it touches a tick before the bare contact, and that one's contact point is 40 nm beside."""
+    scene = Scene(model=make_model("circle", size=0.1), effects=(ContactImpulse(),))
+    height = 1e-10 + 0.05 - 2e-4 * np.arange(-4, 8)
+    hand = np.column_stack([np.zeros(12), height])
+    tool = np.column_stack([np.where(height < 0.05, 4e-8, 0.0), np.maximum(height, 0.05)])
+    plain = recorded(hand, tool)
+    blow = np.zeros((12, 2))
+    blow[4, 1] = 20.0
+    run = changed(plain, force=plain.force + blow, velocity=np.tile([0.0, -0.2], (12, 1)))
+    assert found("transient-impulse", Runs(run, without=lambda kind: plain), scene).outcome is PASS
+
+
 @pytest.mark.parametrize("numbers", [np.float64, np.float32])
 def test_of_an_impulse_a_billionth_and_the_rounding_of_its_forces_are_granted(numbers):
     run, _ = strike(0)
