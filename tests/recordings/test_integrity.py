@@ -531,6 +531,17 @@ def test_slow_motion_repeats_rows_by_itself():
     assert "repeated rows" not in kinds(examine(recording(np.arange(4000) * 1_000_000, {"hip": hip})))
 
 
+@pytest.mark.parametrize("digits", [None, 7])
+def test_a_place_made_of_encoders_repeats_where_no_count_comes_and_is_sound(digits):
+    """A count moves the place along x and y by lengths that change with the pose: neither has steps of one size."""
+    swing = np.sin(np.arange(4000) * 1.5e-3) ** 3  # slow where it passes the middle, and where it turns
+    joints = np.column_stack([-0.3 + 0.08 * swing, 0.2 * swing])
+    hip = np.array([DEVICE.position(row) for row in np.round(joints / ENCODER_STEP) * ENCODER_STEP])
+    hip = hip if digits is None else np.round(hip, digits)
+    assert np.sum(~np.diff(hip, axis=0).any(axis=1)) > 100
+    assert "repeated rows" not in kinds(examine(recording(np.arange(4000) * 1_000_000, {"hip": hip})))
+
+
 DT, QUANTUM = 1e-3, 5e-6
 
 

@@ -444,6 +444,7 @@ def _is_free_reading(recording: Recording, column: Column, rows: slice, value: f
 
 MOVING_QUANTA = 2.5  # quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same
 STEPS_AROUND = 3  # steps on either side of a repeated row that are looked at
+DIGIT_SHARE = 0.25  # of the smallest steps: a quantum below that is none of a sensor's
 FEWEST_REPEATED = 10  # so many repeated rows in motion are a logger's habit; a device may be late once
 
 
@@ -455,10 +456,10 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
     """
     measured = recording.measured
     both = measured[1:] & measured[:-1]
-    columns = [column.values for column in columns_of(recording).values() if np.any(np.diff(column.values[measured]))]
+    columns = [column for column in columns_of(recording).values() if np.any(np.diff(column.values[measured]))]
     if recording.meta.get("source") in SIMULATED or not columns or len(recording) < 4 * STEPS_AROUND:
         return
-    steps = np.column_stack([np.where(both, np.diff(values), 0.0) for values in columns])
+    steps = np.column_stack([np.where(both, np.diff(column.values), 0.0) for column in columns])
     again = both & ~steps.any(axis=1)
     rows = np.flatnonzero(again)
     rows = rows[(rows >= STEPS_AROUND) & (rows < again.size - STEPS_AROUND)]
@@ -467,9 +468,13 @@ def repeated_rows(recording: Recording) -> Iterator[Issue]:
     # Indices (k, 6) of the steps beside each repeated row, itself left out.
     around = rows[:, np.newaxis] + np.delete(np.arange(-STEPS_AROUND, STEPS_AROUND + 1), STEPS_AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
-    for values, column_steps in zip(columns, steps.T, strict=True):
-        # Without a lattice the smallest steps that occur stand for the quantum.
-        step = numeric_step(values[measured]) or float(np.quantile(np.abs(column_steps[column_steps != 0.0]), 0.01))
+    for column, column_steps in zip(columns, steps.T, strict=True):
+        # Without a lattice the channel's smallest steps stand for a quantum of what it was made of, such as encoders.
+        lengths = np.linalg.norm(steps[:, [other.channel == column.channel for other in columns]], axis=1)
+        smallest = float(np.quantile(lengths[lengths > 0.0], 0.01))
+        # One that is far finer is that of the digits in which the numbers were written.
+        lattice = numeric_step(column.values[measured]) or 0.0
+        step = lattice if lattice > DIGIT_SHARE * smallest else smallest
         neighbours = column_steps[around]
         large = np.abs(neighbours) > MOVING_QUANTA * step
         # The motion goes on in one direction, with steps too large for rest, before and after the repeated row.
