@@ -35,12 +35,12 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import (
     ARC,
     ARC_PIECE,
-    CASSINIAN,
     ELLIPSE,
     ELLIPSE_PIECE,
     LINE,
     LINE_PIECE,
     PIECE,
+    SMOOTH_KINDS,
     evaluate,
     piece_index,
 )
@@ -387,7 +387,7 @@ def largest_curvature(boundary: Curve | Surface) -> float:
         elif kind == ELLIPSE:
             ellipse = as_record(row, ELLIPSE_PIECE)
             largest = max(ellipse.a, ellipse.b) / min(ellipse.a, ellipse.b) ** 2
-        elif kind == CASSINIAN:
+        elif kind in SMOOTH_KINDS:
             # sampled, and four times more finely between the neighbours of the largest
             us = boundary.samples[:, 0]
             for _ in range(4):

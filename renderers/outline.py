@@ -36,6 +36,7 @@ from hapticeval.geometry.kernels import (
     LINE_PIECE,
     PIECE,
     RESTS,
+    SMOOTH_KINDS,
     UNBOUNDED,
     evaluate,
     evaluate_many,
@@ -65,22 +66,28 @@ def third_bounds(pieces: Array) -> Array:
     kinds = as_records(pieces, PIECE).kind
     arcs = kinds == ARC
     out[arcs, 1] = as_records(pieces[arcs], ARC_PIECE).radius ** -2.0
-    # (a cos u, b sin u): y'·y'' = (a^2 - b^2) sin u cos u, and y''' is as long as y' at most
-    for i in np.flatnonzero(kinds == ELLIPSE):
-        ellipse = as_record(pieces[i], ELLIPSE_PIECE)
-        out[i] = 1.5 * abs(ellipse.a * ellipse.a - ellipse.b * ellipse.b), max(ellipse.a, ellipse.b)
-    for i in np.flatnonzero(kinds == CASSINIAN):
-        oval = as_record(pieces[i], CASSINIAN_PIECE)
-        out[i] = _cassinian(oval.scale, oval.lobes, oval.above)
+    for i in np.flatnonzero(np.isin(kinds, list(SMOOTH_KINDS))):
+        out[i] = SMOOTH_THIRD_BOUNDS[kinds[i]](pieces[i])
     return out
 
 
-def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
-    """Sampled over one lobe, densely around the valley, where all derivatives peak as a_n / a_d falls to 1.
+def _ellipse_bounds(piece: Array) -> tuple[float, float]:
+    """Return the `third_bounds` of an ELLIPSE piece (9,), m, in closed form."""
+    # (a cos u, b sin u): y'·y'' = (a^2 - b^2) sin u cos u, and y''' is as long as y' at most
+    ellipse = as_record(piece, ELLIPSE_PIECE)
+    return 1.5 * abs(ellipse.a * ellipse.a - ellipse.b * ellipse.b), max(ellipse.a, ellipse.b)
+
+
+def _cassinian_bounds(piece: Array) -> tuple[float, float]:
+    """Return the `third_bounds` of a CASSINIAN piece (9,), m.
+
+    Sampled over one lobe, densely around the valley, where all derivatives peak as a_n / a_d falls to 1.
 
     With z = r exp(iu) and w = r'/r + i, the derivatives are z' = z w, z'' = z (w^2 + w') and
     z''' = z (w^3 + 3 w w' + w'').
     """
+    oval = as_record(piece, CASSINIAN_PIECE)
+    scale, lobes, above = oval.scale, oval.lobes, oval.above
     ratio, sharpest = 1.0 + above, math.sqrt(above)
     offsets = np.geomspace(1e-3 * min(sharpest, 1.0), math.pi / 2.0, 4000)
     angle = np.concatenate([np.linspace(0.0, math.pi, 4001), math.pi / 2.0 - offsets, math.pi / 2.0 + offsets])
@@ -95,6 +102,9 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     mixed_product = np.max(3.0 * r * r * np.abs((np.conj(w) * (w * w + w1)).real))
     return SAMPLED_RAISE * float(mixed_product), SAMPLED_RAISE * float(third_derivative)
 
+
+SMOOTH_THIRD_BOUNDS = {CASSINIAN: _cassinian_bounds, ELLIPSE: _ellipse_bounds}
+"""What gives the `third_bounds` of a smooth piece, by its kind: of each of `SMOOTH_KINDS`."""
 
 JOIN = record_type("turn", "bend", "bend_per_metre", "first_chord")
 """A row of `Outline.joins`: the turn (rad) at the start of a piece, its two `third_bounds`, and its first chord."""

@@ -331,7 +331,10 @@ MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
         "mesh": mesh,
     }
 )
-"""What makes a model of each kind. A further kind is a line here: its boundary keeps the protocol `Boundary`."""
+"""What makes a model of each kind. A further kind is a line here, where its boundary is of a class that there is.
+
+A smooth plane curve that is none yet is a kind of piece: see `kernels.SMOOTH_KINDS`.
+"""
 
 
 KINDS_FROM_USER = ("polygon", "wkt", "geojson", "mesh")

@@ -25,6 +25,7 @@ from hapticeval.geometry.kernels import (
     LINE_PIECE,
     PIECE,
     PIECE_COLUMNS,
+    SMOOTH_KINDS,
     UNBOUNDED,
     concatenate_segments,
     evaluate_many,
@@ -50,8 +51,7 @@ class Curve:
     It is a `Boundary`, with a parameter u beside. Methods of u take one parameter or an array of them; on closed curves
     u wraps.
 
-    - A closed curve is either one smooth piece (CASSINIAN, ELLIPSE), or LINE and ARC pieces with arc length as
-      parameter.
+    - A closed curve is either one smooth piece, of `SMOOTH_KINDS`, or LINE and ARC pieces with arc length as parameter.
     - An open one is a single UNBOUNDED piece whose inside is the half-plane to its left.
 
     Raises `InputError` for pieces of another shape.
@@ -68,7 +68,7 @@ class Curve:
         kinds = as_records(pieces, PIECE).kind
         # smooth kinds close on themselves and cannot be joined to others
         alone = pieces.shape[0] == 1
-        bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in (CASSINIAN, ELLIPSE))
+        bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in SMOOTH_KINDS)
         if not (bounded if self.closed else alone and kinds[0] == UNBOUNDED):
             raise InputError(
                 f"curve '{self.name}' is {'closed' if self.closed else 'open'} with kinds {set(kinds)}",
@@ -266,11 +266,10 @@ class Curve:
             if not motion.keeps_axes:
                 return None
             row = np.array(rows)
-            if as_record(row, PIECE).kind == ELLIPSE:
-                ellipse = as_record(row, ELLIPSE_PIECE)
-                ellipse.a, ellipse.b = ellipse.a * motion.scale, ellipse.b * motion.scale
-            else:
-                as_record(row, CASSINIAN_PIECE).scale *= motion.scale
+            record, lengths = SMOOTH_KINDS[as_record(row, PIECE).kind]
+            piece = as_record(row, record)
+            for name in lengths:
+                setattr(piece, name, getattr(piece, name) * motion.scale)
             return Curve(self.name, row, self.closed)
         return Curve(self.name, concatenate_segments([_moved_piece(row, motion) for row in rows]), self.closed)
 
@@ -345,7 +344,7 @@ class Curve:
     @cached_property
     def _smooth(self) -> bool:
         """Whether the curve is one smooth closed piece, with a parameter of its own."""
-        return bool(as_record(self.pieces, PIECE).kind in (CASSINIAN, ELLIPSE))
+        return as_record(self.pieces, PIECE).kind in SMOOTH_KINDS
 
     @cached_property
     def _panels(self) -> Array:
@@ -385,7 +384,7 @@ class Curve:
         if kind == ELLIPSE:
             ellipse = as_record(piece, ELLIPSE_PIECE)
             return np.array([[ellipse.a, ellipse.b], [-ellipse.a, -ellipse.b]])
-        if kind == CASSINIAN:
+        if kind in SMOOTH_KINDS:
             return self._turning_points()
         us = [first, last]
         if kind == ARC:

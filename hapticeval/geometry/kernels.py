@@ -35,6 +35,12 @@ ELLIPSE_PIECE = record_type("a", "b", base=PIECE)
 """What a row of pieces begins with, of any kind and of each, see the table above."""
 PIECE_COLUMNS = 9
 
+SMOOTH_KINDS = {CASSINIAN: (CASSINIAN_PIECE, ("scale",)), ELLIPSE: (ELLIPSE_PIECE, ("a", "b"))}
+"""The kinds that close on themselves and are alone in their curve: the record of each, and which of it are lengths, m.
+
+A further one has a branch in `evaluate` and in `curvature_rate` too, and its bounds in `renderers/outline.py`.
+"""
+
 RESTS, LEAVES = 0, 1
 """How a walk along the surface ends: at a local minimum of the distance, or where the way to the hand is free."""
 

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
-from hapticeval.geometry.catalogue import from_vertices, make_model
+from hapticeval.geometry.catalogue import EXACT_MAKERS, from_vertices, make_model
 from hapticeval.geometry.motion import Motion, mirroring, rigid_motion, scaling
 
 MOVABLE = ("star", "dumbbell", "circle", "line")
-BOUND = ("cassinian", "ellipse", "sphere", "ellipsoid", "torus")
+BOUND = tuple(maker.__name__ for maker in EXACT_MAKERS if maker.__name__ not in MOVABLE)
 
 motions = st.builds(
     lambda angle, flip, scale, x, y: Motion(

@@ -8,7 +8,7 @@ from hand_paths import plate, star_shaped, touching, walks
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.geometry.catalogue import EXACT_MAKERS, cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.renderers import constraint
 from hapticeval.renderers.outline import third_bounds
@@ -186,7 +186,14 @@ def _walked(ring, k, hip):
     return ring[k]
 
 
-@pytest.mark.parametrize("model", [*SMOOTH, cassinian(a_n=1.05), cassinian(lobes=7, a_n=1.3)], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "model",
+    [
+        *(maker() for maker in EXACT_MAKERS if maker().dimension == 2 and maker().boundary.closed),
+        *(ellipse(3.0), cassinian(a_n=1.05), cassinian(lobes=7, a_n=1.3)),
+    ],
+    ids=lambda model: model.name,
+)
 def test_the_bounds_that_keep_a_march_safe_hold(model):
     pieces = model.curve.pieces
     for piece, (mixed, third) in zip(pieces, third_bounds(pieces), strict=True):
