@@ -70,7 +70,8 @@ def hand_path(replay_case: ReplayCase) -> HandPath:
         gapless = stretches(recording)
         path = HandPath(recording, gapless, gapless)
     else:
-        from hapticeval.recordings.integrity.report import LEFT_OUT_ISSUES, examine, sound_intervals
+        from hapticeval.recordings.integrity.issue import LEFT_OUT_KINDS
+        from hapticeval.recordings.integrity.report import examine, sound_intervals
 
         report = examine(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
         soundness = sound_intervals(recording, report)
@@ -78,7 +79,7 @@ def hand_path(replay_case: ReplayCase) -> HandPath:
         hand = recording.measured.copy()
         for issue in report.issues:
             if (
-                issue.kind in LEFT_OUT_ISSUES
+                issue.kind in LEFT_OUT_KINDS
                 and issue.channel.partition(".")[0] in GIVEN_CHANNELS
                 and issue.first is not None
             ):

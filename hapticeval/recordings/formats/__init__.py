@@ -16,7 +16,8 @@ A format of your own is a function that takes a path and gives a `Table`, marked
 - Columns have a number in each row, nan where the file has none.
 - Of signals on several clocks each has its clock, and `topics` names which columns were taken together.
 - On the command line it is named `--format mymodule:read_acme`, which no mapping may do.
-- An installed package offers it by an entry point of the group `hapticeval.formats`.
+- An installed package offers it by an entry point of the group `hapticeval.formats`. One of ours is a line of
+  `OWN_FORMATS`.
 """
 
 from __future__ import annotations
@@ -44,8 +45,18 @@ from hapticeval.registrations import entries_of
 FORMAT_GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
 
-OWN_FORMATS = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
-"""The formats of this package, the most particular first: delimited text fits much."""
+OWN_FORMATS = {
+    "matlab5": "matlab",
+    "matlab73": "matlab",
+    "hdf5": "arrays",
+    "npz": "arrays",
+    "rosbag": "rosbag",
+    "svc": "text",
+    "devicelog": "text",
+    "hdurecord": "text",
+    "csv": "text",
+}
+"""The formats of this package and the module of each, the most particular first: delimited text fits much."""
 
 MOST_SIGNALS = 64
 """A matrix of more columns than these that has fewer rows than columns holds its signals in rows."""
@@ -276,7 +287,7 @@ def importer(
 
 def formats() -> Mapping[str, Format]:
     """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
-    for module in ("arrays", "matlab", "rosbag", "text"):
+    for module in OWN_FORMATS.values():
         import_module(f"{__name__}.{module}")
     for entry in entries_of(FORMAT_GROUP):
         with blame_importer(f"the format '{entry.name}' of an installed package ({entry.value})"):

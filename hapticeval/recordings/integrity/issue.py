@@ -85,10 +85,13 @@ ADVICE: Mapping[str, str] = {
     "separate them",
     "contact": "see the model, its size and its frame; a motor that is off or a force of something else does so too",
 }
-"""What to do about each kind of issue, unless its detector knows better."""
+"""Every kind of issue, and what to do about it, unless its detector knows better."""
 
 FAULT_KINDS = ("duplicate", "reversal", "no number")
 """Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
+
+LEFT_OUT_KINDS = ("stuck", "spike", "jump", "dropout")
+"""Kinds, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 
 def make_issue(

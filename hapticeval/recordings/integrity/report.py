@@ -15,16 +15,13 @@ from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
-from hapticeval.recordings.integrity.issue import Issue, Severity
+from hapticeval.recordings.integrity.issue import LEFT_OUT_KINDS, Issue, Severity
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
 from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
-
-LEFT_OUT_ISSUES = ("stuck", "spike", "jump", "dropout")
-"""Issues, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     columns.repeated_rows,
@@ -140,7 +137,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for issue in report.issues:
-        no_measurement = issue.kind in LEFT_OUT_ISSUES and issue.severity is not Severity.NOTE
+        no_measurement = issue.kind in LEFT_OUT_KINDS and issue.severity is not Severity.NOTE
         if no_measurement and issue.first is not None and keep[issue.first : issue.end].any():
             keep[issue.first : issue.end] = False
             left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
