@@ -46,13 +46,14 @@ system: .venv/dev.stamp
 	$(BIN)/pytest benchmarks/ --benchmark-disable
 
 # Cells that say the same stay as they are, to the digit. In one process: each table is one file. With CHECK=ID only what asks
-# that check is judged, of that check alone. Nothing selected is no error (5): a check may have no test of its own yet.
+# that check is judged, of that check alone, and of the texts of errors only those that list checks. Nothing selected is no error (5):
+# a check may have no test of its own yet.
 tables: .venv/dev.stamp
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' \
 	  tests/phenomena/test_decisions.py tests/test_listed.py tests/meta/test_kill_matrix.py tests/suites
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q $(if $(CHECK),--measures $(CHECK)) tests/phenomena tests/meta \
 	  tests/recordings/test_drawn.py || [ $$? = 5 ]
-	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m 'refusals and not slow'
+	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m 'refusals and not slow' $(if $(CHECK),tests/suite tests/runner)
 
 fuzz: .venv/dev.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)

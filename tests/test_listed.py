@@ -69,11 +69,11 @@ def written(page: Path, text: str) -> str:
 
 def test_the_page_is_the_table_of_checks() -> None:
     text = CHECKS_HEAD + "".join(checks())
-    assert written(DOCS / "checks.md", text) == text
+    assert written(DOCS / "checks.md", text) == text, "make tables writes it anew"
 
 
 def test_the_page_is_the_table_of_effects() -> None:
     page = DOCS / "effects.md"
     before, _, after = page.read_text(encoding="utf-8").partition(BEFORE)
     text = before + BEFORE + "\n" + "".join(effects()) + "\n" + AFTER + after.partition(AFTER)[2]
-    assert written(page, text) == text
+    assert written(page, text) == text, "make tables writes it anew"

@@ -27,6 +27,7 @@ LOCK = "run.lock"
 """The file that locks a folder where the system cannot lock the folder itself; it holds the process that writes."""
 
 REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
+"""What reports leave in a folder: the next run there removes them."""
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def test_what_is_right_passes_each_check_somewhere():
 def test_what_is_broken_fails_its_check_and_no_other(name):
     fails = {BROKEN[name], *BESIDES.get(name, {})}
     own = fails if name not in LAWBREAKERS else fails | {"closed-form"}
-    assert of_check(name, Outcome.FAIL) == fails
+    assert of_check(name, Outcome.FAIL) == fails, f"what '{name}' fails beside stands in `BESIDES`, with the cause"
     right = outcomes(FAULTLESS if name in LAWBREAKERS else "ideal")
     others = {place: outcome for place, outcome in outcomes(name).items() if place[1] not in own}
     assert others == {place: right[place] for place in others}, "and leaves no other check undecided"
@@ -119,7 +119,7 @@ def test_what_an_outsider_breaks_is_found(name):
         assert set(outcomes(name).values()) == {Outcome.ERROR}
         return
     failed = of_check(name, Outcome.FAIL)
-    assert failed == set(broken.fails)
+    assert failed == set(broken.fails), f"`fails` of '{name}' names each of them, with the cause"
     assert any(OWN_CHECKS[check].level is not Level.INFO for check in failed), "and does not pass"
 
 

@@ -21,6 +21,7 @@ from hapticeval.reports import ReportView, markdown, render_pages, write_reports
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.pages import worst_words
 from hapticeval.reports.templates import GLOSSARY, anchor, case_file, explain_terms
+from hapticeval.runner.folder import REPORTS
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.runner.standing import Standing
 from hapticeval.study.bench.document import (
@@ -167,6 +168,11 @@ def test_a_word_is_explained_where_it_first_stands_and_nowhere_else():
 
 def test_every_word_of_the_glossary_is_told_on_the_page_that_says_how_to_read(pages):
     assert all(f"{word} {meaning}" in pages["reading.html"].words for word, meaning in GLOSSARY.items())
+
+
+def test_the_next_run_removes_all_that_a_report_leaves(folder, reported):
+    left = {path.name for path in reported.iterdir()} - {path.name for path in folder.iterdir()}
+    assert left <= {*REPORTS}, "what write_reports writes stands in runner/folder.py: REPORTS"
 
 
 def test_one_file_holds_all_pages_and_needs_nothing_else(folder, results):

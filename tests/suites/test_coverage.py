@@ -42,7 +42,7 @@ def can_be_asked(check: str, hand: str) -> bool:
     """Whether a check can be asked of such a hand at all, by its own data."""
     data = OWN_CHECKS[check]
     if hand == "led":
-        closed = {"law", "at_speed"} & data.needs.keys()
+        closed = {"closed_form", "at_speed"} & data.needs.keys()
         return not (closed or {Situation.LED, Situation.PLAYBACK} & data.not_for.keys() or hand in NEVER.get(check, ()))
     return not (OF_A_PATH & data.needs.keys())
 
