@@ -287,7 +287,6 @@ def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     """
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.parallelogram import ENCODER_COUNTS
-    from hapticeval.devices.point_mass import PointMass
     from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
@@ -298,10 +297,10 @@ def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
                 why="what its readings and commands mean, only you know: radians taken as encoder counts, or the "
                 "reverse, put the hand elsewhere, and the force of that place on the motors",
                 todo="write them into a file, and give --wiring FILE; the smallest is\n"
-                + _smallest_wiring(robot or DEFAULT_ROBOT, slides=isinstance(device, PointMass)),
+                + _smallest_wiring(robot or DEFAULT_ROBOT, slides=not device.turning),
             )
         # The twin's own encoders; a point mass is read in m.
-        return Wiring(device=device, counts_per_turn=None if isinstance(device, PointMass) else ENCODER_COUNTS)
+        return Wiring(device=device, counts_per_turn=ENCODER_COUNTS if device.turning else None)
     # The file has a kind of its own.
     if robot is not None:
         raise InputError("--robot and --wiring both say which robot it is", todo="leave --robot out")
