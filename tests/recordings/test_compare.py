@@ -247,6 +247,18 @@ def test_false_alarms_are_as_rare_as_the_level_says():
     assert alarms < 20
 
 
+def test_of_more_deals_than_are_looked_at_random_ones_decide_and_the_same_for_a_seed():
+    units = tuple((side, k) for side in (0, 1) for k in range(12))
+    assert comb(24, 12) > DEALS
+    apart = np.repeat([0.0, 10.0], 12) + np.tile(np.linspace(0.0, 1.0, 12), 2)
+    alike = np.tile(np.linspace(0.0, 1.0, 12), 2)
+    columns = {name: Distances(np.abs(each[:, None] - each), units) for name, each in (("x", apart), ("y", alike))}
+    p, least = permutation_p(columns, seed=0)
+    assert (p["x"], least) == (1.0 / (DEALS + 1), 1.0 / (DEALS + 1))
+    assert p["y"] > 0.5
+    assert permutation_p(columns, seed=0) == (p, least)
+
+
 def test_one_column_that_differs_is_found_among_those_that_do_not():
     rng = np.random.default_rng(13)
     found = compared(hands(rng, "a", 4, trembling=0.05), hands(rng, "b", 4, more=3.0, trembling=0.05))

@@ -2,9 +2,11 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from hapticeval.study.bench.compare import (
     SIGNIFICANCE,
@@ -16,7 +18,7 @@ from hapticeval.study.bench.compare import (
     judge_shift,
 )
 from hapticeval.study.bench.document import BenchResults, SettingEntry
-from hapticeval.study.bench.judge import cheapest_setting, convergence_order, pareto_front
+from hapticeval.study.bench.judge import cheapest_setting, convergence_order, describe, pareto_front
 
 ROUNDS = 8
 
@@ -132,6 +134,16 @@ def test_errors_are_compared_as_they_are():
     assert changed["r s1"] == ("worse", pytest.approx(2.0))
     assert changed["r s2"][0] == "better"
     assert "r s0" not in changed
+
+
+def test_what_changed_is_told_with_its_interval_and_what_did_not_is_counted():
+    random = np.random.default_rng(3)
+    before, now = bench(random, 3), bench(random, 3, factor=2.0)
+    changes = compare_benches(document(now, {"s1": 0.05}), now, document(before), before)
+    words = describe(replace(document(now), comparison=changes, timing={"wall_seconds": 1.0}))
+    assert re.search(r"worse: r s0 on the star, step: (1\.9|2)\d* times \[1\.\d+, 2\.\d+\], p = ", words)
+    assert "better: r s1 on the star, IHIP error: 0.5 times\n" in words
+    assert "compared: 2 of 4 not significant" in words
 
 
 def test_only_what_both_have_is_compared():
