@@ -58,17 +58,10 @@ class WorstVerdict(NamedTuple):
     drawing: Drawing
 
 
-@dataclass(frozen=True)
-class SuiteSection:
-    """A suite with the grid of its cases by renderers, and how many of its verdicts have each standing.
+class SuiteSection(NamedTuple):
+    """A suite with the grid of its cases by renderers, and how many of its verdicts have each standing."""
 
-    `label` is its name with its version, as it is cited.
-    """
-
-    name: str
-    label: str
-    title: str
-    citation: str
+    entry: SuiteEntry
     grid: Grid
     counts: Sequence[tuple[Standing, int]]
     grave: bool
@@ -231,23 +224,14 @@ class ReportView:
     @cached_property
     def suites(self) -> Sequence[SuiteSection]:
         """Every suite in the order in which they ran."""
-        suite_by_name = {suite.name: suite for suite in self.results.suites}
+        entry_by_name = {suite.name: suite for suite in self.results.suites}
         sections = []
         for name in dict.fromkeys(run.suite for run in self.results.runs):
-            suite = suite_by_name.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
+            entry = entry_by_name.get(name, SuiteEntry(name=name, title=name, citation="", rows=[]))
             counts = Counter(verdict.standing for verdict in self.results.verdicts if verdict.suite == name)
             ordered = [(standing, counts[standing]) for standing in Standing if counts[standing]]
-            sections.append(
-                SuiteSection(
-                    name,
-                    suite.label,
-                    suite.title or name,
-                    suite.citation,
-                    case_grid(self.results, name),
-                    ordered,
-                    any(verdict.suite == name for verdict in self.results.stopping),
-                )
-            )
+            is_grave = any(verdict.suite == name for verdict in self.results.stopping)
+            sections.append(SuiteSection(entry, case_grid(self.results, name), ordered, is_grave))
         return sections
 
     # What it links to.
