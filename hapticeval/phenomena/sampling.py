@@ -42,6 +42,11 @@ def lengths_of(vectors: Array) -> Array:
     return np.asarray(np.sqrt(sum(np.square(vectors).T)))
 
 
+def steps_to(points: Array) -> Array:
+    """Return how far `points` (n, N), m, move to each row from the one before, and 0 to the first: (n,), m."""
+    return lengths_of(np.diff(points, axis=0, prepend=points[:1]))
+
+
 def hip_steps(recording: Recording) -> Array:
     """Return the distance that the HIP moves from each sample to the next: (n - 1,), m."""
     return lengths_of(np.diff(recording.hip, axis=0))

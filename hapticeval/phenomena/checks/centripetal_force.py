@@ -41,7 +41,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -189,9 +189,9 @@ def _after_strike(bearing: BoolArray) -> BoolArray:
     A tool that is struck flies at that sample yet: how far it is off the surface is a way that it has still to go.
     """
     struck = np.zeros_like(bearing)
-    begins = np.flatnonzero(bearing[1:] & ~bearing[:-1]) + 1
-    for tick in begins.tolist():
-        struck[tick : tick + LAG_TICKS + 1] = True
+    for first, _ in runs_of(bearing):
+        if first > 0:
+            struck[first : first + LAG_TICKS + 1] = True
     return struck
 
 

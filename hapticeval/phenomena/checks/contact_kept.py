@@ -7,6 +7,7 @@ import numpy as np
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
+from hapticeval.phenomena.measures.closed_paths import running_sums
 from hapticeval.phenomena.sampling import (
     across_allowed,
     clear_of_surface,
@@ -50,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     grain = float(np.clip(TOOL_GRAIN * steps.max(initial=0.0), FINEST_GRAIN * size, COARSEST_GRAIN * size))
     across = across_allowed(base, scene)
     # How far the HIP has moved in the last three ticks: (n,), m.
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = running_sums(steps)
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
     # A late tool is where the hand was up to three ticks ago; the rest is where the surface may lie.
     allowed = moved + (across + grain)

@@ -30,6 +30,7 @@ from hapticeval.phenomena.sampling import (
     resolution,
     rounding,
     standoff,
+    steps_to,
     time_and_hip,
     touching,
     worst_row,
@@ -170,7 +171,7 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
     - Positions in single precision, or in a log's steps, and the declared standoff come to it, that one as declared: in
       a corner the tool may lie on one face, and so far off the others that hold it.
     """
-    steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
+    steps = steps_to(recording.ihip)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
         # x = F dt^2 / m: as far as the contact's force may have thrown the tool in a tick.
         pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass

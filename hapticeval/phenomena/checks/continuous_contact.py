@@ -53,6 +53,7 @@ from hapticeval.phenomena.sampling import (
     pushed_in_free_space,
     rounding,
     standoff,
+    steps_to,
     time_and_hip,
     touching,
     worst_row,
@@ -334,8 +335,7 @@ def _jump_without_nearest_point(path: Refinable, scene: Scene, bounds: Array, su
     """
     base = path.recording
     feet = scene.model.boundary.closest_point(base.hip).foot
-    nearest_steps = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
-    place = look_closer(path, scene, bounds=bounds + largest_in_lag(nearest_steps), standoff=surface_gap)
+    place = look_closer(path, scene, bounds=bounds + largest_in_lag(steps_to(feet)), standoff=surface_gap)
     return place if place is not None and place.kind is Remains.STAYS else None
 
 

@@ -29,9 +29,9 @@ from hapticeval.phenomena.measures.friction_check import HAND, LAWS_OF_SPEED, ch
 from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, largest_in_lag
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surface, ihip_rounding, viscous_coefficient
-from hapticeval.phenomena.sampling import evidence_at, hip_steps, listed, worst_row
+from hapticeval.phenomena.sampling import evidence_at, listed, steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -89,8 +89,8 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     # 1 on the edge of the static cone (4.18)
     share = surface_force.share_of_cone(friction.mu_s)
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
-    feet = np.diff(scene.model.boundary.closest_point(base.hip).foot, axis=0)
-    step = largest_in_lag(np.concatenate([[0.0], np.maximum(hip_steps(base), np.linalg.norm(feet, axis=1))]), earlier=1)
+    feet = scene.model.boundary.closest_point(base.hip).foot
+    step = largest_in_lag(np.maximum(steps_to(base.hip), steps_to(feet)), earlier=1)
     # How much the normal force, N, changes in a tick near it.
     normal_force = surface_force.normal_force
     normal_change = largest_in_lag(np.abs(np.diff(normal_force, prepend=normal_force[:1])), earlier=1)
@@ -131,7 +131,7 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
     """
     rounding = ihip_rounding(base)
-    length = np.linalg.norm(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), axis=1)
+    length = steps_to(base.ihip)
     pressed = surface_force.normal_force > 0.0
     # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
     moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
@@ -177,15 +177,13 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
     base, friction = runs.base, scene.effect(FRICTION)
     pulled = surface_force.share_of_cone(friction.mu_k)
     sticks = (surface_force.normal_force > 0.0) & (pulled <= STICKING_SHARE)
-    # First rows and rows behind the last of the stretches that stick, by turns.
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], sticks, [False]]).astype(int)))
     creeps = []
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+    for first, stop in runs_of(sticks):
         seconds = float(base.time[stop - 1] - base.time[first])
         # Long enough to tell creep from bending, and pulled hard enough to creep.
         if seconds >= STICKING_TIME and float(np.median(pulled[first:stop])) >= TELLING_SHARE:
             distance = float(np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1).max())
-            creeps.append(_Creep(distance / seconds, int(first), int(stop), distance, seconds))
+            creeps.append(_Creep(distance / seconds, first, stop, distance, seconds))
     if not creeps:
         return undecided(
             f"the tool is nowhere held for {STICKING_TIME:g} s by a tenth to {STICKING_SHARE:g} of what the friction "

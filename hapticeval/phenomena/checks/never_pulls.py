@@ -14,8 +14,8 @@ from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,
     force_floor,
-    hip_steps,
     rounding,
+    steps_to,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
@@ -44,7 +44,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pull = np.maximum(-np.sum(base.force * outward, axis=1), 0.0)
     lag = force_lag(base, scene)
     # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
-    moved = lag * largest_in_lag(np.concatenate([[0.0], hip_steps(base)]))
+    moved = lag * largest_in_lag(steps_to(base.hip))
     allowed = force_floor(scene) + scene.stiffness * (2.0 * moved + rounding(scene) + believed_standoff(base, scene))
     worst = int(rows[worst_row((pull - allowed)[rows])])
     # How fast the hand goes outwards, m/s: (n,).

@@ -9,6 +9,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import CAUSE_SHARE, SHARE_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.measures.refinement import richardson_two_level
+from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
 from hapticeval.phenomena.sampling import evidence_at, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
@@ -89,11 +90,9 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
     push = motion.recording.channels.get("operator_force")
     if push is None:
         return np.zeros_like(motion.foot_velocity)
-    normal = motion.frame.normal
     # P_T F_o / m
-    along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
-    sensed = motion.scene.senses_force
-    return along if sensed else motion.pulled_back(along)
+    along = along_surface(push, motion.frame.normal) / motion.scene.mass
+    return along if motion.scene.senses_force else motion.pulled_back(along)
 
 
 def _unexplained_velocity(recording: Recording, scene: Scene) -> Array:

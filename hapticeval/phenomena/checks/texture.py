@@ -25,6 +25,7 @@ from hapticeval.phenomena.decisions import (
     WELCH_WINDOW,
     WHOLE_SAMPLE,
 )
+from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
@@ -57,7 +58,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     normal = scene.model.boundary.closest_point(plain.ihip).normal
     press = np.sum(plain.force * normal, axis=1)
     velocity = backward_difference(base.hip, base.time)
-    slide = velocity - np.sum(velocity * normal, axis=1)[:, np.newaxis] * normal
+    slide = along_surface(velocity, normal)
     speed = np.linalg.norm(slide, axis=1)
     direction = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
     if effect.direction != "along":

@@ -16,10 +16,10 @@ from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, del
 from hapticeval.phenomena.sampling import (
     believed_standoff,
     evidence_at,
-    hip_steps,
     lengths_of,
     resolution,
     rounding,
+    steps_to,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
@@ -178,7 +178,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     felt = cache(_relief_law(Waves(relief, scene), scene, base, plain, rows))
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
-    resting = resting_ticks(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
+    resting = resting_ticks(base.ihip) * steps_to(base.hip)
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
     judged = [
         _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP_MAP)

@@ -24,7 +24,7 @@ from hapticeval.phenomena.decisions import (
 from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching, worst_of, worst_row
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
-from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
+from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -171,7 +171,6 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     """
     dt, boundary = base.dt, scene.model.boundary
     touches = touching(plain, scene)
-    edges = np.flatnonzero(np.diff(touches.astype(np.int8))) + 1
     velocity = hand_velocity(base)
     added = base.force - plain.force
     # A recording in single precision is one in which every force is a single number.
@@ -180,9 +179,10 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
     # N, of the larger of both forces.
     rounding = SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE) * largest
     struck = []
-    # Each tick in which contact begins, up to the next in which it ends.
-    for touch in edges[touches[edges]].tolist():
-        end = int(min(edges[edges > touch], default=len(base)))
+    for touch, end in runs_of(touches):
+        # A contact that is there at once does not begin.
+        if touch == 0:
+            continue
         grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
         begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
         rows = slice(begin, end)

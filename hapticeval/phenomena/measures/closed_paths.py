@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.phenomena.decisions import PLACE_ROUNDING
 from hapticeval.phenomena.sampling import touching
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -88,12 +88,8 @@ def contact_spans(free: BoolArray) -> list[tuple[int, int]]:
 
     `free` (n,) is where nothing touches. The first row of a span bounds the work, J: there nothing is stored.
     """
-    spans = []
     # The last free row before each contact: what happens from there on is all of the contact's.
-    for first in np.flatnonzero(free[:-1] & ~free[1:]).tolist():
-        later = np.flatnonzero(free[first + 1 :])
-        spans.append((first, int(first + 1 + later[0]) if later.size else free.size - 1))
-    return spans
+    return [(first - 1, min(end, free.size - 1)) for first, end in runs_of(~free) if first > 0]
 
 
 class SampledWork:

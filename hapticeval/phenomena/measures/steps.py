@@ -16,7 +16,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.decisions import DESCENT_SHARE, DETOUR_BOUNDS, FLIGHT_BOUNDS, LAG_TICKS
-from hapticeval.phenomena.sampling import hip_steps, holding, rounding, worst_row
+from hapticeval.phenomena.sampling import holding, rounding, steps_to, worst_row
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -28,8 +28,7 @@ def contact_steps(recording: Recording, scene: Scene) -> Array:
     A contact ends with its contact point, though a late force may linger.
     """
     contact = holding(recording, scene)
-    steps = np.zeros(len(recording))
-    steps[1:] = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
+    steps = steps_to(recording.ihip)
     steps[1:][~(contact[1:] & contact[:-1])] = 0.0
     return steps
 
@@ -40,7 +39,7 @@ def recent_steps(recording: Recording) -> Array:
     A proxy may be late by `LAG_TICKS`. One that waits for them answers a step of the hand up to so many ticks after it.
     One that nears the hand with such a time constant does by a factor of e^(-1 / LAG_TICKS) in each tick beyond.
     """
-    steps = np.concatenate([[0.0], hip_steps(recording)])
+    steps = steps_to(recording.hip)
     # The longest of the step and of the LAG_TICKS before it.
     window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
     ticks = np.arange(steps.size) / LAG_TICKS

@@ -10,6 +10,8 @@ import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SHARE_ROUNDING, SLIDE_SHARE
+from hapticeval.phenomena.measures.closed_paths import running_sums
+from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import Recording
@@ -177,12 +179,10 @@ class SurfaceMotion:
 
         The force's change from tick to tick along the surface, late by `HOLD_TICKS`, as an impulse.
         """
-        change = np.diff(self.recording.force, axis=0)
-        normal = self.frame.normal[:-1]
-        # dF_t = dF - (dF . nu) nu: what across the surface comes late is the distance's to show.
-        change = change - np.sum(change * normal, axis=1)[:, np.newaxis] * normal
+        # dF_t: what across the surface comes late is the distance's to show.
+        change = along_surface(np.diff(self.recording.force, axis=0), self.frame.normal[:-1])
         impulse = np.linalg.norm(change, axis=1) * np.diff(self.recording.time)
-        return HOLD_TICKS / self.scene.mass * np.concatenate([[0.0], np.cumsum(impulse)])
+        return HOLD_TICKS / self.scene.mass * running_sums(impulse)
 
     @property
     def sensor_error(self) -> float:

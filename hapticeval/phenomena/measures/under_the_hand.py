@@ -25,6 +25,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     resolution,
     rounding,
+    steps_to,
     time_and_hip,
     touching,
     worst_row,
@@ -126,8 +127,7 @@ def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) 
     The second result, (n,), m, is what a shorter step of the nearest point may have hidden in that way.
     """
     contact = holding(base, scene)
-    steps = np.concatenate([[0.0], hip_steps(base)])
-    moved = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
+    steps, moved = steps_to(base.hip), steps_to(feet)
     # A nearest point moves by 1 / (1 - kappa d) HIP steps; more than `STRETCHED_STEPS` is another branch.
     jumps = moved > STRETCHED_STEPS * steps + rounding(scene)
     near = LAG_TICKS * recent_steps(base) + across_allowed(base, scene)
