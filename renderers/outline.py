@@ -305,11 +305,6 @@ def is_closed(outline: Outline) -> bool:
     return bool(as_record(outline.pieces, PIECE).kind != UNBOUNDED)
 
 
-def is_straight(curve: Curve) -> bool:
-    """Return whether a curve is made of straight edges alone, and so is its own polygon."""
-    return bool(np.all(as_records(curve.pieces, PIECE).kind == LINE))
-
-
 def outline_of(curve: Curve) -> Outline:
     """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
     pieces = for_kernels(curve.pieces)
@@ -452,7 +447,7 @@ def representation_of(model: Model, representation: str, vertices: int = VERTICE
 
     def make() -> Representation:
         curve = model.curve
-        if curve.closed and is_straight(curve):
+        if curve.closed and curve.straight:
             return Representation(outline_of(model.polygon()), curve, 0.0, 0.0)
         if not as_polygon:
             return Representation(outline_of(curve), curve, 0.0, 0.0)

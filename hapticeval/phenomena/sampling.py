@@ -42,6 +42,12 @@ def lengths_of(vectors: Array) -> Array:
     return np.asarray(np.sqrt(sum(np.square(vectors).T)))
 
 
+def unit_vectors(vectors: Array) -> Array:
+    """Return `vectors` (n, N), m or N, divided by their lengths; one of no length stays zero."""
+    lengths = lengths_of(vectors)[:, np.newaxis]
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0))
+
+
 def steps_to(points: Array) -> Array:
     """Return how far `points` (n, N), m, move to each row from the one before, and 0 to the first: (n,), m."""
     return lengths_of(np.diff(points, axis=0, prepend=points[:1]))

@@ -15,7 +15,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
-from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, resting_ticks
+from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, over_lag, resting_ticks
 from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.sampling import (
     above_force_floor,
@@ -27,9 +27,9 @@ from hapticeval.phenomena.sampling import (
     log_step,
     mm,
     newtons,
+    position_tolerance,
     resolution,
     rounding,
-    standoff,
     steps_to,
     time_and_hip,
     touching,
@@ -238,10 +238,7 @@ def _bend_angle(recording: Recording, pressed_rows: IntArray, lag: float | None)
     bends = np.zeros(len(recording))
     # a h^2 / 8, the sagitta of a parabola over a tick
     bends[1:-1] = np.linalg.norm(np.diff(recording.hip, n=2, axis=0), axis=1) / 8.0
-    largest_bend = np.max(
-        [bends[np.maximum(pressed_rows - ticks_back, 0)] for ticks_back in range(LAG_TICKS + 1)], axis=0
-    )
-    return _tilt_angle(recording, pressed_rows, largest_bend)
+    return _tilt_angle(recording, pressed_rows, over_lag(bends, pressed_rows).max(axis=0))
 
 
 def _tilt_angle(recording: Recording, pressed_rows: IntArray, aside: Array | float) -> Array:
@@ -255,7 +252,7 @@ def _least_depth(recording: Recording, pressed_rows: IntArray) -> Array:
     depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
     # A row without a depth does not bound it.
     depths[depths == 0.0] = np.inf
-    depth = np.min([depths[np.maximum(pressed_rows - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
+    depth = over_lag(depths, pressed_rows).min(axis=0)
     depth[np.isinf(depth)] = 0.0
     return np.asarray(depth)
 
@@ -321,7 +318,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
     # At one place as well as one can be told: and so with one normal.
-    still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
+    still = position_tolerance(recording, scene)
     if not touching(recording, scene)[window].all():
         return "the tool is not in contact to the end"
     if travel > still:

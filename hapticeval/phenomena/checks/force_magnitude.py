@@ -10,7 +10,8 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, UNDECLARED_RANGE
+from hapticeval.phenomena.decisions import TELLING_SHARE, UNDECLARED_RANGE
+from hapticeval.phenomena.measures.lag import over_lag
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
     declared_range,
@@ -93,7 +94,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     if not ticks.size:
         return undecided(NO_FORCE)
     # Depths (lags, n) that a late force may answer.
-    late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
+    late = over_lag(depth, ticks)
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
     speed = np.linalg.norm(hand_velocity(base)[ticks], axis=1)

@@ -12,7 +12,14 @@ from hapticeval.phenomena.check import Check, Runs, not_alone, required, without
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.measures.lag import largest_in_lag
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
+from hapticeval.phenomena.sampling import (
+    above_force_floor,
+    evidence_at,
+    force_floor,
+    lacks_ihip,
+    unit_vectors,
+    worst_row,
+)
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -59,14 +66,9 @@ def angles(first: Array, second: Array) -> Array:
 
     A right angle where one is zero, and zero where both are.
     """
-    unit, other = (_unit(vectors) for vectors in (first, second))
+    unit, other = unit_vectors(first), unit_vectors(second)
     # 2 atan2(|u - v|, |u + v|): exact for small angles, where acos is not.
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(unit - other, axis=1), np.linalg.norm(unit + other, axis=1)))
-
-
-def _unit(vectors: Array) -> Array:
-    size = np.linalg.norm(vectors, axis=1)[:, np.newaxis]
-    return np.asarray(np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0))
 
 
 def judge_direction(runs: Runs, scene: Scene) -> Finding:

@@ -26,7 +26,7 @@ from hapticeval.phenomena.decisions import (
     WHOLE_SAMPLE,
 )
 from hapticeval.phenomena.measures.surface_force import along_surface
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, worst_row
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
@@ -60,7 +60,7 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     velocity = backward_difference(base.hip, base.time)
     slide = along_surface(velocity, normal)
     speed = np.linalg.norm(slide, axis=1)
-    direction = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
+    direction = unit_vectors(slide)
     if effect.direction != "along":
         direction = normal if effect.direction == "normal" else np.cross(direction, normal)
     # The texture's own acceleration: what it adds along its direction, over its mass, m/s^2

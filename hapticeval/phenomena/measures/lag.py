@@ -94,6 +94,11 @@ def resting_ticks(values: Array) -> IntArray:
     return np.asarray(np.minimum(rows - np.maximum.accumulate(np.where(moved, rows, 0)), LAG_TICKS))
 
 
+def over_lag(values: Array, rows: IntArray) -> Array:
+    """Return `values` (n,), m, at `rows` (k,) and at the ticks before that an answer may be late: (lags, k)."""
+    return np.array([values[np.maximum(rows - lag, 0)] for lag in range(LAG_TICKS + 1)])
+
+
 def largest_in_lag(values: Array, *, earlier: int = 0) -> Array:
     """Return the largest (n,) of `values` (n,), N or m, within the lag of each, and so many ticks `earlier` too."""
     padded = np.pad(values, (LAG_TICKS + earlier, LAG_TICKS), mode="edge")

@@ -16,6 +16,7 @@ from hapticeval.phenomena.sampling import (
     once_a_recording,
     standoff,
     touching,
+    unit_vectors,
 )
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import STIFFNESS_LIMITS, Spring
@@ -225,8 +226,7 @@ def _depth_direction(force: Array, error: Array, spring: Spring | None) -> tuple
     Along the error (n, N), m, or against the force (n, N), N, which is across the surface.
     """
     direction = -force if spring is Spring.NORMAL else error
-    size = np.linalg.norm(direction, axis=1)
-    unit = np.divide(direction, size[:, np.newaxis], out=np.zeros_like(direction), where=size[:, np.newaxis] > 0.0)
+    unit = unit_vectors(direction)
     return unit, np.abs(np.sum(unit * error, axis=1))
 
 
