@@ -104,19 +104,22 @@ def _triangle(entry: Element, number: int) -> tuple[int, int, int]:
 
 
 def _numbers(entry: Element, name: str) -> tuple[float, ...]:
-    element = entry.find(name)
-    if element is None:
-        raise InputError(f"it has no {name}")
+    element = _child(entry, name)
     with at(name):
         return tuple(_float(value.text) for value in element.findall("value"))
 
 
 def _number(entry: Element, name: str) -> float:
+    element = _child(entry, name)
+    with at(name):
+        return _float(element.text)
+
+
+def _child(entry: Element, name: str) -> Element:
     element = entry.find(name)
     if element is None:
         raise InputError(f"it has no {name}")
-    with at(name):
-        return _float(element.text)
+    return element
 
 
 def _float(text: str | None) -> float:

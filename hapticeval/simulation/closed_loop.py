@@ -293,8 +293,8 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     state = kernels.LoopState(*np.zeros((len(kernels.LoopState._fields), size)))
     joints = device.joints(experiment.position)
     state.joints[:] = state.start[:] = joints
-    if device.margin(joints) > 0.0:  # q̇ = J⁻¹ ẏ; elsewhere the sensing below refuses
-        state.rates[:] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
+    # q̇ = J⁻¹ ẏ: within the limits, as joints() makes sure, J is regular
+    state.rates[:] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
     motion = motion_of(device, load, default_method())
     loop = kernels.Loop(
         motion,

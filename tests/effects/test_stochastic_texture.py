@@ -16,6 +16,7 @@ from scipy.signal import welch
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects import texture_kernels as kernels
+from hapticeval.effects import texture_toolkit
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum, stable
 from hapticeval.effects.stochastic_texture import StochasticTexture
@@ -355,6 +356,7 @@ def read_texture_again(folder, texture):
         ("<numMod>16</numMod>", "<numMod>15</numMod>"),
         ("<mu>0.8</mu>", "<mu>nan</mu>"),
         ("<speedList><value>0.0</value>", "<speedList>"),
+        ("speedList", "speeds"),
         ("<tri><value>", "<tri><value>4</value><value>"),
         ("<tri><value>", "<tri><value>9"),
     ],
@@ -362,9 +364,19 @@ def read_texture_again(folder, texture):
 def test_a_file_that_is_none_of_the_toolkit_is_refused(refused, tmp_path, old, new):
     text = toolkit_file(named("gritty"))
     assert old in text
-    (tmp_path / "broken.xml").write_text(text.replace(old, new, -1 if old == "modelSet>" else 1))
+    (tmp_path / "broken.xml").write_text(text.replace(old, new, 1 if old.startswith("<") else -1))
     with refused(InputError):
         read_toolkit(tmp_path / "broken.xml", rate=1e3)
+
+
+def test_a_file_that_is_absent_too_large_or_no_text_is_refused(refused, tmp_path, monkeypatch):
+    (tmp_path / "bytes.xml").write_bytes(b"\xff\xfe")
+    for name in ("absent.xml", "bytes.xml"):
+        with refused(InputError):
+            read_toolkit(tmp_path / name, rate=1e3)
+    monkeypatch.setattr(texture_toolkit, "MOST_FILE_BYTES", 1)
+    with refused(InputError):
+        read_toolkit(tmp_path / "bytes.xml", rate=1e3)
 
 
 def test_entities_of_a_file_s_own_are_refused(refused, tmp_path):

@@ -197,6 +197,9 @@ def test_a_pulse_is_read_from_a_table_and_from_a_recording(refused, tmp_path):
         assert make_effect(effect.document()) == effect
     with refused(InputError):
         make_effect({"kind": "recorded-impulse", "file": "../tap.csv"}, tmp_path)
+    (tmp_path / "short.csv").write_text("t,f\n0,1\n")
+    with refused(InputError):
+        make_effect({"kind": "recorded-impulse", "file": "short.csv"}, tmp_path)
     (tmp_path / "gap.csv").write_text("t,f\n0,1\n0.001,2\n0.003,1\n")
     with refused(InputError):
         make_effect({"kind": "recorded-impulse", "file": "gap.csv"}, tmp_path)
@@ -275,6 +278,7 @@ def test_run_step_and_a_closed_loop_give_the_same_bits(effect, model, device):
         lambda: of_line(ContactTransient(1.0, 5.0, 500.0)),
         lambda: of_line(ContactImpulse(), bilateral=True),
         lambda: of_line(PULSE, bilateral=True),
+        lambda: RecordedImpulse(("hard",), 1e-3),
     ],
 )
 def test_what_makes_no_sense_is_refused(refused, make):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from hapticeval.commands.arguments import model_named
 from hapticeval.errors import InputError
+from hapticeval.geometry import mesh_input
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.suite.reading import load_suite
@@ -71,6 +72,7 @@ def broken(kind, content):
         broken("obj", b"v 0 0 0\nf 1 2 3\n"),
         broken("obj", b"mtllib /etc/passwd\nv 0 0 0\n"),
         broken("obj", bytes(range(256)) * 7),
+        broken("obj", b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"),
         broken("ply", b"ply\nformat ascii 1.0\nelement vertex 999999999999\nproperty float x\nend_header\n1\n"),
         broken(
             "ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n"
@@ -85,6 +87,13 @@ def test_damaged_files_are_refused_by_name(refused, tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with refused(InputError):
         make_model("mesh", file=str(tmp_path / name), unit="mm")
+
+
+@pytest.mark.parametrize(("limit", "least"), [("LARGEST_FILE", 100), ("MOST_TRIANGLES", 3)])
+def test_a_file_that_is_too_large_is_refused(refused, written, monkeypatch, limit, least):
+    monkeypatch.setattr(mesh_input, limit, least)
+    with refused(InputError):
+        make_model("mesh", file=str(written("a.stl")), unit="mm")
 
 
 def test_a_cut_file_is_refused(refused, written):
