@@ -160,12 +160,14 @@ def test_steps_within_two_lags_are_one_stretch(gap, count):
     assert stretches[0] == ((5, 11) if count == 1 else (12, 12))
 
 
-def test_a_long_stretch_is_looked_at_in_parts_the_worst_first():
-    steps = np.full(20, 2.0)
-    steps[12] = 5.0
-    parts = list(_suspect_stretches(steps, np.ones(20), 4))
-    assert parts[0] == (10, 13)
-    assert sorted(row for first, last in parts for row in range(first, last + 1)) == list(range(20))
+@pytest.mark.parametrize("begin", [0, 30])
+def test_a_long_stretch_is_looked_at_in_parts_the_worst_first(begin):
+    steps = np.zeros(begin + 20)
+    steps[begin:] = 2.0
+    steps[begin + 12] = 5.0
+    parts = list(_suspect_stretches(steps, np.ones(begin + 20), 4))
+    assert parts[0] == (begin + 10, begin + 13)
+    assert sorted(row for first, last in parts for row in range(first, last + 1)) == list(range(begin, begin + 20))
     assert all(last - first < 4 for first, last in parts)
 
 

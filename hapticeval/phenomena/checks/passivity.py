@@ -118,7 +118,7 @@ def _at_own_rate(
 
     # Of each closed path the span that gains least.
     gains = [worst_of([largest(span) for span in spans], lambda gain: -gain.excess) for spans in closed_paths]
-    return worst_of(gains, lambda gain: gain.excess) if gains else None
+    return worst_of(gains, lambda gain: gain.excess)
 
 
 def active_by_nature(scene: Scene) -> str | None:

@@ -267,9 +267,8 @@ def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tu
         begin = max(first, min(worst - longest // 2, last + 1 - longest))
         end = min(last, begin + longest - 1)
         yield begin, end
-        for remainder in ((first, begin - 1), (end + 1, last)):
-            if remainder[0] <= remainder[1] and above[remainder[0] : remainder[1] + 1].any():
-                pending.append(remainder)
+        remainders = (first, begin - 1), (end + 1, last)
+        pending += [(start, stop) for start, stop in remainders if above[start : stop + 1].any()]
 
 
 def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
