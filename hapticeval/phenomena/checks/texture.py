@@ -50,8 +50,8 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     reason = not_alone(scene, STOCHASTIC_TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
-    # Ticks a sample of the texture; only a whole number lets its samples be picked.
-    ticks_per_sample = 1.0 / (effect.model.rate * base.dt)
+    # Only a whole number lets the texture's samples be picked.
+    ticks_per_sample = _ticks_per_sample(base, scene)
     if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {ticks_per_sample:.4g} ticks a sample of the texture: no whole number")
     plain = required(runs.without)(STOCHASTIC_TEXTURE)
@@ -78,6 +78,11 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
         message = f"the hand never slides for {TEXTURE_SETTLES:g} s at a steady speed and force: nothing to be measured"
         return undecided(message)
     return sorted(steady_stretches, key=lambda stretch: -stretch.vibration.size)
+
+
+def _ticks_per_sample(base: Recording, scene: Scene) -> float:
+    """Return how many ticks of a recording a sample of the scene's texture lasts."""
+    return 1.0 / (float(scene.effect(STOCHASTIC_TEXTURE).model.rate) * base.dt)
 
 
 def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[int, int]]:
@@ -189,7 +194,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), worst_row(np.abs(error))
-    rate = 1.0 / (runs.base.dt * max(round(1.0 / (scene.effect(STOCHASTIC_TEXTURE).model.rate * runs.base.dt)), 1))
+    rate = 1.0 / (runs.base.dt * round(_ticks_per_sample(runs.base, scene)))
     evidence = _stretch_evidence(scene, longest, runs.base) | {
         "mean_error_dB": mean,
         "worst_error_dB": float(error[worst]),
