@@ -40,6 +40,7 @@ from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.phenomena.regions import nearest_jump
 from hapticeval.phenomena.sampling import lacks_ihip
+from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
 
@@ -454,6 +455,6 @@ class TestRenewal:
         assert finding.metric.value == pytest.approx(1e-3 * every)
         assert finding.bound == pytest.approx(1.5e-3)
         assert finding.evidence["rate_Hz"] == pytest.approx(1e3 / every)
-        assert f"renewed at {1e3 / every:.3g} Hz" in finding.message
+        assert f"renewed at {format_number(1e3 / every, 3)} Hz" in finding.message
         assert finding.evidence["ticks_called_for"] == 39
         assert ("the scene's loop runs at 1000 Hz" in finding.message) is (outcome is FAIL)
