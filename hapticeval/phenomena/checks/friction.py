@@ -99,7 +99,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
         # 2 K |dx| + mu_s |dF_n| and rounding: what the force may have lacked in the tick before.
         open_force = 2.0 * scene.stiffness * step[slips] + friction.mu_s * normal_change[slips]
         open_force += surface_force.open_force[slips - 1]
-        allowed = np.where(holds > 0.0, open_force / holds, np.inf)
+        allowed = open_force / holds
     # Known to a tenth, or to half of what lies between the static and the kinetic cone.
     clear = allowed <= max(TELLING_SHARE, BETWEEN_CONES * (1.0 - friction.mu_k / friction.mu_s))
     if not clear.any():
@@ -135,7 +135,7 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     pressed = surface_force.normal_force > 0.0
     # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
     moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
-    sticks = pressed & (surface_force.tangential_size <= surely * surface_force.normal_force)
+    sticks = surface_force.tangential_size <= surely * surface_force.normal_force
     # At a corner the tool may change its face: there a step is no slip.
     near = _by_a_corner(base, scene, length + rounding)
     ticks = np.flatnonzero(moves)

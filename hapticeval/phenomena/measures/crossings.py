@@ -25,7 +25,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding, worst_of
 from hapticeval.phenomena.verdict import Finding
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -126,7 +126,7 @@ def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterato
             # Under the second face, past the plane through the corner that is square to it.
             after = near & (past_post > slack) & (-from_corner @ post >= -slack)
             # The corner's own zone, between the two normals: the tool rests in the corner.
-            between = near & (along >= -slack) & (past_post <= slack) & ~before & ~after
+            between = near & (along >= -slack) & (past_post <= slack) & ~before
         for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
             last = crossed - 1
             # Back over the corner's zone to the last tick under the first face.
@@ -268,8 +268,8 @@ def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> t
         _, other_faces, other_tools = _find_faces(mesh, outside)
         unclear = _differ(faces, tools, other_faces, other_tools, slack)
         # From where it is clear again, the hand is inside: but the tool stays on the face that either side has led to.
-        for _, end, label in _label_runs(unclear.astype(np.int64)):
-            if label and end < len(faces) and faces[end] >= 0:
+        for _, end in runs_of(unclear):
+            if end < len(faces) and faces[end] >= 0:
                 _, other_faces, other_tools = _find_faces(mesh, np.vstack([outside[:end], inside[end:]]))
                 unclear |= _differ(faces, tools, other_faces, other_tools, slack)
         faces[unclear] = UNDECIDED
