@@ -40,7 +40,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     """Compare |F_t| with mu_s F_n at every tick."""
     base, friction = runs.base, scene.effect(FRICTION)
     # |F_t| less what the scene's dampers and rounding may make of it.
-    least_tangential = np.maximum(surface_force.tangential_size - surface_force.open_force, 0.0)
+    least_tangential = surface_force.tangential_size - surface_force.open_force
     limit = friction.mu_s * np.maximum(surface_force.normal_force, 0.0)
     if np.any(least_tangential > limit * (1.0 + LENGTH_ROUNDING)):
         # What leaves the cone may be a facet's lean.
