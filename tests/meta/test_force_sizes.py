@@ -211,6 +211,13 @@ def test_a_damper_that_the_scene_does_not_ask_for_is_named(judged):
     assert found.finding.message.startswith("it is damped by 2 N s/m, where the scene has K_d = 0 N s/m")
 
 
+def test_a_damper_beside_the_scene_s_is_named_with_both():
+    """`Damped` shows 2 N s/m and none of the scene's: across the surface 2 N s/m where 0.5 are called for."""
+    damped = replace(THESIS["plane-press"], scene={**THESIS["plane-press"].scene, "damping": 0.5})
+    found = verdict(force_sizes.Damped, damped)
+    assert found.finding.message.startswith("it is damped by 2 N s/m, where the scene has K_d = 0.5 N s/m")
+
+
 @settings(max_examples=12)
 @given(step=st.floats(0.02e-3, 0.2e-3), deepest=st.floats(2e-3, 4e-3))
 def test_a_dead_band_is_judged_alike_whatever_the_step_of_the_path(step, deepest):
