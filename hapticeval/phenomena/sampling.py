@@ -175,6 +175,7 @@ def pushed_in_free_space(recording: Recording, scene: Scene) -> BoolArray:
     return np.asarray(pushed & np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1))
 
 
+@once_a_recording
 def holding(recording: Recording, scene: Scene) -> BoolArray:
     """Return where the surface holds a contact point, (n,): in contact, but for where only a late force lingers.
 
@@ -225,6 +226,7 @@ def worst_of(candidates: Sequence[Candidate], badness: Callable[[Candidate], flo
     return candidates[worst_row(np.array([badness(candidate) for candidate in candidates]))]
 
 
+@once_a_recording
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
     """Return how far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact).
 

@@ -59,6 +59,7 @@ from hapticeval.phenomena.sampling import (
     holding,
     lingering,
     note_cut_standoff,
+    off_surface,
     position_tolerance,
     resolution,
     rounding,
@@ -292,6 +293,12 @@ class TestContact:
         base = recorded(hip, ihip, meta={"standoff": declared} if declared else {})
         assert touching(base, LINE).all()
         assert holding(base, LINE).tolist() == [holds] * 6
+
+
+def test_where_the_surface_holds_the_tool_and_how_far_off_it_lies_is_found_once_for_a_recording():
+    base = recorded([[0.0, -1e-3]] * 4, [[0.0, 5e-4]] * 4)
+    assert holding(base, LINE) is holding(base, LINE)
+    assert off_surface(base, LINE) is off_surface(base, LINE)
 
 
 def test_a_standoff_counts_up_to_a_fiftieth_of_the_size_and_as_far_as_it_shows():

@@ -132,7 +132,7 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     """
     contact = holding(base, scene)
     if base.apart.any():
-        contact &= ~pushed_in_free_space(base, scene)
+        contact = contact & ~pushed_in_free_space(base, scene)
     # A run that ends in contact does not end the contact.
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
     # In contact in all of the seven ticks around: not where a contact begins or ends.
