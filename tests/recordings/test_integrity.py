@@ -419,6 +419,24 @@ def test_noise_of_a_force_sensor_hides_no_fault_that_is_larger_and_is_none_itsel
     assert contradicted(np.random.default_rng(1).standard_normal((ROWS, 2)))[0]
 
 
+@pytest.mark.parametrize("ihip", [False, True])
+@pytest.mark.parametrize(("side", "contradicted"), [(1.0, False), (-1.0, True)])
+def test_a_tool_on_the_near_face_of_a_plate_holds_a_hand_that_has_come_out_of_the_far_one(ihip, side, contradicted):
+    """The hand goes 6 mm down through a plate of 2 mm; a force that draws it farther down there is of no contact."""
+    plate = make_model("polygon", vertices=[[-0.05, -0.002], [0.05, -0.002], [0.05, 0.0], [-0.05, 0.0]])
+    depth = 0.003 + 0.003 * np.sin(np.linspace(-np.pi / 2, 3 * np.pi / 2, ROWS))
+    hip, tool = np.column_stack([0.0 * depth, -depth]), np.zeros((ROWS, 2))
+    force = STIFFNESS * (tool - hip)
+    far = depth > 0.002
+    force[far] *= side
+    tool[far, 1] -= 0.002 * (side < 0.0)
+    channels = {"hip": hip, "force": force} | ({"ihip": tool} if ihip else {})
+    (check,) = [
+        check for check in inverse_checks(recording(parts(0)[0], channels), model=plate) if check.name == "contact"
+    ]
+    assert bool(check.issues) == contradicted
+
+
 @pytest.mark.parametrize(("axes", "signs", "words"), [
     ((0, 1), (-1, -1), "(-x, -y)"), ((1, 0), (1, 1), "(y, x)"), ((1, 0), (-1, 1), "(y, -x)"), ((0, 1), (2, 2), ""),
 ])  # fmt: skip

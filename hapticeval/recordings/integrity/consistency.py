@@ -19,14 +19,14 @@ from typing import Protocol
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.quantity import format_number
+from hapticeval.quantity import format_number, plural
 from hapticeval.recordings.energy_balance import NOISE_DEVIATIONS
 from hapticeval.recordings.integrity.issue import Issue, make_issue
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import coarsest, noise_deviation
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG_TICKS, continuing_steps
-from hapticeval.types import Array, IntArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 RESIDUAL_QUANTA = 3.0
 """Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag.
@@ -42,6 +42,9 @@ NOISE_SHARE = 0.2
 
 TURNED_ROWS, TURNED_SHARE = 500, 0.95
 """Rows at which a force with other axes or signs is tried, and the share of them at which it has to fit."""
+
+BARRED_GRAIN, MOST_BARRED = 1e-6, 10_000
+"""Share of the model's size over which solid between hand and tool may be missed; the rows at which it is sought."""
 
 CHAIN_ROUNDING = 1e-9
 """Share of the signal's size that computing in double precision may cost over a chain of transformations."""
@@ -244,8 +247,8 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     """Check that the force is where the model is, at `rows` (n,): how deep without one, or how far off with one, m.
 
     There is a force while the HIP is inside and goes deeper, and none while it is outside, each for `LAG_TICKS` rows,
-    by which a renderer may be late. A surface that holds from both sides (a scene that is `bilateral`) pulls outside:
-    only the inside is judged then.
+    by which a renderer may be late. A hand that has come out of another face is still held: see `_barred`. A surface
+    that holds from both sides (a scene that is `bilateral`) pulls outside: only the inside is judged then.
     """
     place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
     distance = np.full(len(recording), np.nan)
@@ -262,6 +265,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed - unfelt)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
+    away &= ~_barred(recording, np.flatnonzero(away), place, model)
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
     issues = []
     for words, at in (
@@ -269,11 +273,32 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
         ("a force though the HIP is outside the model", np.flatnonzero(away)),
     ):
         if at.size:
-            message = f"{words}, by up to {format_number(1e3 * float(off[at].max()), 3)} mm, at {at.size} rows"
+            message = (
+                f"{words}, by up to {format_number(1e3 * float(off[at].max()), 3)} mm, at {plural(at.size, 'row')}"
+            )
             span = int(at[0]), int(at[-1]) + 1
             issues.append(make_issue(recording, CONTACT_RELATION, message, "force", span, rows=int(at.size)))
     largest, quantum = float(off[rows].max(initial=0.0)), allowed / RESIDUAL_QUANTA
     return ConsistencyTest(CONTACT_RELATION, "m", int(rows.size), largest, quantum, issues=tuple(issues))
+
+
+def _barred(recording: Recording, rows: IntArray, place: Array, model: Model) -> BoolArray:
+    """Return where the solid lies between the HIP, outside of it, and the tool on another face, (n,); sought at `rows`.
+
+    The tool is the IHIP. Without one it lies where the force at `place` (n, N), m, points, no farther than the model is
+    large. It may still be held `LAG_TICKS` rows later.
+    """
+    if "ihip" in recording.channels:
+        tools = recording.ihip
+    else:
+        size = np.linalg.norm(recording.force, axis=1, keepdims=True)
+        tools = place + model.size * recording.force / np.where(size > 0.0, size, 1.0)
+    barred = np.zeros(len(recording))
+    # More rows than so many are a fault of another kind, and take long.
+    for row in rows[:MOST_BARRED]:
+        crossing = model.boundary.first_crossing(place[row], tools[row], grain=BARRED_GRAIN * model.size)
+        barred[row] = crossing is not None
+    return np.convolve(barred, np.ones(LAG_TICKS + 1))[: len(recording)] > 0.0
 
 
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
