@@ -180,20 +180,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
     resting = resting_ticks(base.ihip) * steps_to(base.hip)
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
-    judged = [
-        _compare_channel(felt, base, rows, doubt, name, scene, turns_answers=relief.kind == BUMP_MAP)
-        for name in ("force", "ihip")
+    # A bump map tilts the force alone: of the IHIP it changes nothing that could be compared.
+    channels = ("force",) if relief.kind == BUMP_MAP else ("force", "ihip")
+    deviations = [
+        _compare_channel(felt, base, rows, doubt, channel, scene, turns_answers=relief.kind == BUMP_MAP)
+        for channel in channels
     ]
-    # A bump map tilts the force alone.
-    if relief.kind == BUMP_MAP and judged[1] is None:
-        judged = judged[:1]  # the IHIP stays where it is
-    if None in judged:
+    clear = [deviation for deviation in deviations if deviation is not None]
+    if len(clear) < len(channels):
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
     # The force first: an IHIP that is off with it is of the same fault.
-    worst = max(
-        (deviation for deviation in judged if deviation is not None),
-        key=lambda deviation: min(deviation.off / deviation.allowed, 2.0),
-    )
+    worst = max(clear, key=lambda deviation: min(deviation.off / deviation.allowed, 2.0))
     amount = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
     share_shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
     return compared(
