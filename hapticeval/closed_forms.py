@@ -20,7 +20,7 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, VISCOSITY
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
-from hapticeval.renderer import SCHEMES
+from hapticeval.renderer import SOLVED_LAWS
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -351,10 +351,10 @@ FORM_ROWS = (
     ("6.27", "pp-d", "circle", "thesis Table 6.2, (6.27)"),
     ("7.28", "set-stabilisation", "line", "thesis (7.28), with (7.18)"),
     ("7.38", "set-stabilisation", "circle", "thesis (7.38), with (7.18)"),
-    *((f"{scheme}-on-curve", scheme, "curve", "thesis 6.3 and 7.2 in the curve's own frame") for scheme in SCHEMES),
+    *((f"{scheme}-on-curve", scheme, "curve", "thesis 6.3 and 7.2 in the curve's own frame") for scheme in SOLVED_LAWS),
     *(
         (f"{scheme}-on-sphere", scheme, "sphere", "thesis 7.4: along a great circle, as on the circle")
-        for scheme in SCHEMES
+        for scheme in SOLVED_LAWS
     ),
 )
 CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType({row[0]: ClosedForm(*row) for row in FORM_ROWS})

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hapticeval.laws import LawData
 
 
-SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
+SOLVED_LAWS = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
 """The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
 
@@ -57,7 +57,7 @@ class Declaration:
     - `stiffness_range`: where the stiffness varies with the place or the depth, its least and its largest, as shares of
       the scene's. One is between them, and both lie within `STIFFNESS_LIMITS`.
     - `force_resolution` (N): how coarse the force is, as of a quantum or a dead band.
-    - `closed_form`: the law that it claims to be, one of `SCHEMES`. Where that has a closed form, a loop with the
+    - `closed_form`: the law that it claims to be, one of `SOLVED_LAWS`. Where that has a closed form, a loop with the
       renderer in it has to move so, see the check `closed-form`.
     - `ihip_scatter` (m) and `force_scatter` (N): how far the answers to the same path may differ after a `reset`; zero
       is to the bit.
@@ -91,7 +91,10 @@ class Declaration:
                 f"is neither None nor (least, largest) as shares of the scene's stiffness, {RANGE_WORDS}",
             ),
             "force_resolution": (_is_length(self.force_resolution), length),
-            "closed_form": (self.closed_form in (None, *SCHEMES), f"is neither None nor one of {', '.join(SCHEMES)}"),
+            "closed_form": (
+                self.closed_form in (None, *SOLVED_LAWS),
+                f"is neither None nor one of {', '.join(SOLVED_LAWS)}",
+            ),
             "ihip_scatter": (_is_length(self.ihip_scatter), length),
             "force_scatter": (_is_length(self.force_scatter), length),
             "force_only": (isinstance(self.force_only, bool), "is neither True nor False"),

@@ -23,7 +23,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.laws import LAW, LawData, law_data
 from hapticeval.recordings.recording import path_velocities
 from hapticeval.records import as_record, numbers_of, record_type, room_for
-from hapticeval.renderer import SCHEMES, STIFFNESS_LIMITS, Answers, CompiledStep, Declaration, Response
+from hapticeval.renderer import SOLVED_LAWS, STIFFNESS_LIMITS, Answers, CompiledStep, Declaration, Response
 from hapticeval.renderers.potential import POTENTIAL, potential_record, stiffness_range, stretch_at
 from hapticeval.renderers.regulation import (
     GRADIENT,
@@ -362,7 +362,7 @@ class CompiledRenderer(LawRenderer):
         self.projection = projection
         self.regulation = regulation
         # the error of nearest points on the exact surface follows the closed forms of section 6.3
-        has_closed_form = projection.exact and regulation.name in SCHEMES
+        has_closed_form = projection.exact and regulation.name in SOLVED_LAWS
         closed_form = regulation.name if has_closed_form else None
         self.declares = replace(declaration_of(projection, regulation, scene), closed_form=closed_form)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrate_rates, polar_rates, transversal_motion
+from hapticeval.closed_forms import CLOSED_FORMS, SOLVED_LAWS, Gains, integrate_rates, polar_rates, transversal_motion
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
@@ -155,7 +155,7 @@ def test_the_transversal_formula_solves_its_equation_under_over_and_critically_d
     np.testing.assert_allclose(np.array([n, rate]), by_steps, atol=1e-12)
 
 
-@pytest.mark.parametrize("scheme", [scheme for scheme in SCHEMES if scheme != "pp-pd-c"])
+@pytest.mark.parametrize("scheme", [scheme for scheme in SOLVED_LAWS if scheme != "pp-pd-c"])
 def test_the_curve_s_own_frame_and_polar_coordinates_agree_on_a_circle(scheme):
     number = {"pp": "6.24", "pp-v": "6.25", "pp-pd": "6.26", "pp-d": "6.27", "set-stabilisation": "7.38"}[scheme]
     time = np.linspace(0.0, 0.5, 11)
@@ -180,7 +180,7 @@ def cartesian(scheme, curve, k, d):
     return rates
 
 
-@pytest.mark.parametrize("scheme", [scheme for scheme in SCHEMES if scheme != "set-stabilisation"])
+@pytest.mark.parametrize("scheme", [scheme for scheme in SOLVED_LAWS if scheme != "set-stabilisation"])
 def test_on_the_cassinian_they_solve_the_force_laws_themselves(scheme):
     model = cassinian(size=2.0)
     scene = Scene(model=model, **UNIT)
@@ -201,7 +201,7 @@ def test_a_closed_form_starts_where_it_is_told_with_the_speed_it_is_told(angle, 
     normal, tangent = model.curve.normal(u)[0], model.curve.tangent(u)[0]
     position = model.curve.position(u)[0] + 0.3 * offset * normal
     velocity = across * normal + along * tangent
-    for scheme in SCHEMES:
+    for scheme in SOLVED_LAWS:
         motion = CLOSED_FORMS[f"{scheme}-on-curve"].motion(scene, position, velocity, np.array([0.0, 1e-6]))
         np.testing.assert_allclose(motion.hip[0], position, atol=1e-12)
         np.testing.assert_allclose(motion.velocity[0], velocity, atol=1e-11)
@@ -219,7 +219,7 @@ def test_viscosity_slows_the_sliding_and_nothing_else():
 def test_polar_rates_are_those_of_table_6_2():
     r, r_rate, rate = 1.2, -0.3, 4.0
     state = np.array([r, r_rate, 0.7, rate])
-    found = {scheme: polar_rates(scheme, GAINS, 1.0)(0.0, state)[1::2] for scheme in SCHEMES}
+    found = {scheme: polar_rates(scheme, GAINS, 1.0)(0.0, state)[1::2] for scheme in SOLVED_LAWS}
     spring = -500.0 * (r - 1.0)
     assert found["pp"] == pytest.approx((spring + r * rate**2, -2.0 * r_rate * rate / r))
     assert found["pp-v"] == pytest.approx((spring + r * rate**2 - 44.7 * r_rate, -(2.0 * r_rate + 44.7 * r) * rate / r))

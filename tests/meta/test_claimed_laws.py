@@ -7,7 +7,7 @@ import honest
 import pytest
 from lawbreakers import Stabilised
 
-from hapticeval.closed_forms import SCHEMES, form_of
+from hapticeval.closed_forms import SOLVED_LAWS, form_of
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
@@ -124,7 +124,7 @@ def test_a_law_has_the_form_in_print_where_its_assumptions_hold(law, scene, form
     assert (None if found is None else found.name) == form
 
 
-@pytest.mark.parametrize("law", [None, *SCHEMES])
+@pytest.mark.parametrize("law", [None, *SOLVED_LAWS])
 def test_a_law_that_is_declared_is_one_that_there_is(law):
     assert not Declaration(closed_form=law).faults
 
