@@ -49,7 +49,10 @@ def scene_of(recording: Recording) -> dict[str, Any]:
 
 
 def spring_of(recording: Recording) -> tuple[float | None, str]:
-    """Return K_p, N/m, where the force is that of a spring alone; else None, and its damping in words if it has one."""
+    """Return K_p, N/m, where the force is that of a spring alone; else None, and in words what else it is, if known."""
+    # What the renderer declared: a force along the normal, or a stiffness that varies, is not K_p (IHIP - HIP).
+    if recording.meta.get("spring", "error") != "error" or "stiffness_least" in recording.meta:
+        return None, "the renderer declares a force along the normal, or a stiffness that varies"
     why = ""
     for table in (recording.meta.get("gains"), recording.meta.get("scene")):
         if isinstance(table, Mapping) and "stiffness" in table:

@@ -161,6 +161,11 @@ def test_what_the_recording_declares_and_cannot_be_checked_is_named(here, capsys
     shown = inspected(capsys, "run.h5")[1]
     assert "not checked: spring: the recording has a damping K_d of 2 N s/m" in shown
     assert "not checked: forward kinematics: the device 'rig 7' is none whose kinematics are known" in shown
+    for declared in ({"spring": "normal"}, {"spring": "error", "stiffness_least": 0.4, "stiffness_largest": 1.6}):
+        saved(here / f"{len(declared)}.h5", smooth(), gains={"stiffness": 300.0}, **declared)
+        code, shown = inspected(capsys, f"{len(declared)}.h5")
+        assert code == 0
+        assert "not checked: spring: the renderer declares a force along the normal, or a stiffness" in shown
     saved(here / "row.h5", smooth(rows=1))
     code, shown = inspected(capsys, "row.h5")
     assert code == 0
