@@ -527,3 +527,12 @@ def test_a_tool_that_may_be_on_the_surface_yet_needs_no_force_and_may_not_pull()
         meta = {"source": "playback", "standoff": 4e-4}
         finding = found("force-magnitude", recorded(hip, ihip, force, meta=meta), PLANE)
         assert finding.outcome is expected, (share, finding.message)
+
+
+@pytest.mark.parametrize(("braking", "expected"), [(1.0, PASS), (0.0, PASS), (-1.0, FAIL)])
+def test_a_damper_brakes_and_does_not_drive(braking, expected):
+    """A hand that goes 1 to 5 mm deep and back, in a scene with a damper of 5 N s/m: at 42 mm/s that makes 0.21 N."""
+    depth, aside = 3e-3 - 2e-3 * np.cos(2.0 * np.pi * np.arange(600) / 300), np.zeros(600)
+    push = K * depth + braking * 5.0 * np.diff(depth, prepend=depth[:1]) / 1e-3
+    base = recorded(np.column_stack([aside, -depth]), np.column_stack([aside, aside]), np.column_stack([aside, push]))
+    assert outcome("force-magnitude", base, Scene(model=line(), stiffness=K, damping=5.0)) is expected

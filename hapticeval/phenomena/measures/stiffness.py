@@ -150,9 +150,16 @@ def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> A
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
     other_force = _undamped_other_force(base, scene, bending, size, depth)
     # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        damping: Array | float = scene.damping
+        if damping > 0.0:
+            surely_in, surely_out = _surely_moving(along, errors[0], velocity[window], sinking[window])
+            clear = other_force / (scene.stiffness * depth)
+            # A damper brakes: it adds to the force on the way in, and takes from it on the way out.
+            speeds_up = (surely_in & (1.0 - high > clear)) | (surely_out & (low - 1.0 > clear))
+            damping = np.where(speeds_up, 0.0, damping)
         allowed, allowed_in_lag = (
-            (scene.damping * rate + other_force) / (scene.stiffness * depth)
+            (damping * rate + other_force) / (scene.stiffness * depth)
             for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
         )
     ratio = np.where(begins, explained, shares[0])
@@ -160,6 +167,17 @@ def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> A
         now, ratio, low, high, allowed, allowed_in_lag, depth, np.sum(along * sinking[now], axis=1), begins
     )
     return measured.rows(depth > 0.0)
+
+
+def _surely_moving(along: Array, error: Array, velocity: Array, sinking: Array) -> tuple[BoolArray, BoolArray]:
+    """Return where the depth grows, and where it shrinks, in all ticks of a lag, by hand and by error: (n,) each.
+
+    `along` (n, N) is its direction up to sign, and `error` (n, N), m, points in. `velocity` and `sinking`, those of the
+    hand and of the error, are (lags, n, N), m/s.
+    """
+    inwards = np.sign(np.sum(along * error, axis=1))[:, np.newaxis] * along
+    rates = np.sum(inwards * np.concatenate([velocity, sinking]), axis=2)
+    return np.all(rates > 0.0, axis=0), np.all(rates < 0.0, axis=0)
 
 
 def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[Array]:
