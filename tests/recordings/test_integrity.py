@@ -263,8 +263,8 @@ def test_a_place_that_is_lost_for_a_while_is_left_out_as_one_dropout(rows, value
     lost[:] = lost + 0.5 if value is None else value
     run = recording(stamps, channels)
     report = examine(run)
-    found = [fault for fault in fault_rows(report) if fault[0] != "unit"]
-    assert found == [("dropout", "hip.x", 300, 300 + rows)]
+    faults = [fault for fault in fault_rows(report) if fault[0] != "unit"]
+    assert faults == [("dropout", "hip.x", 300, 300 + rows)]
     assert spans(sound_intervals(run, report)) == [(0, 300), (300 + rows, ROWS)]
 
 

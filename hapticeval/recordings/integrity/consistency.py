@@ -379,12 +379,12 @@ def _turned(check: ConsistencyTest, force: Array, residuals: Callable[[Array], A
     if not check.issues:
         return check
     bound, count = check.issues[0].measures["bound"], force.shape[1]
-    ways = product(permutations(range(count)), product((1.0, -1.0), repeat=count))
-    next(ways)  # as it is
-    for axes, signs in ways:
+    turns = product(permutations(range(count)), product((1.0, -1.0), repeat=count))
+    next(turns)  # as it is
+    for axes, signs in turns:
         if np.mean(residuals(force[:, axes] * signs) <= bound) > TURNED_SHARE:
-            taken = ", ".join(f"{'-' * (sign < 0.0)}{'xyz'[axis]}" for axis, sign in zip(axes, signs, strict=True))
-            words = f"; it holds with the force taken as ({taken})"
+            axis_names = ", ".join(f"{'-' * (sign < 0.0)}{'xyz'[axis]}" for axis, sign in zip(axes, signs, strict=True))
+            words = f"; it holds with the force taken as ({axis_names})"
             issues = tuple(replace(issue, message=issue.message + words) for issue in check.issues)
             return replace(check, issues=issues)
     return check
