@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import HapticevalError
@@ -66,7 +65,7 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
         of_effect = [
             verdict for verdict in verdicts if verdict.check in CHECKS and effect.kind in CHECKS[verdict.check].effects
         ]
-        words = effect.describe(turning=run.scene.device is not None and run.scene.device.kind != PointMass.name)
+        words = effect.describe(turning=run.scene.device is not None and run.scene.device.turning)
         title = f"{words}: {run.renderer} in {run.suite}/{run.case}"
         try:
             svg = effect_svg(effect, *read_run(directory, run), prefix=f"e{number}", title=title)

@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.files import file_stem
@@ -207,7 +206,7 @@ def robot_words(run: RunEntry) -> str:
     if device.kind == "parallelogram-3dof":
         dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
         words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
-    if device.kind != "point-mass" and scene.inner_loop is not None:
+    if device.turning and scene.inner_loop is not None:
         words.append(INNER_LOOPS[scene.inner_loop])
     wrong = _effects(scene, of_surface=False)
     return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
@@ -215,7 +214,7 @@ def robot_words(run: RunEntry) -> str:
 
 def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
     """Describe each effect that the scene calls for, of the surface or of the robot."""
-    turning = scene.device is not None and scene.device.kind != PointMass.name
+    turning = scene.device is not None and scene.device.turning
     effects = (make_effect(effect) for effect in scene.effects)
     return [effect.describe(turning=turning) for effect in effects if (effect.stage in SURFACE_STAGES) == of_surface]
 

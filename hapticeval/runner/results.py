@@ -21,6 +21,7 @@ import msgspec
 from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, kind_of
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
@@ -141,6 +142,11 @@ class Robot(Entry, frozen=True, kw_only=True):
     kind: str
     dynamics: str | None = None
     base_inertia: str | None = None
+
+    @property
+    def turning(self) -> bool:
+        """Whether its joints turn: see `devices.device.Device.turning`."""
+        return self.kind != PointMass.name
 
 
 class SceneEntry(Entry, frozen=True, kw_only=True):
