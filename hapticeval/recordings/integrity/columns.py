@@ -211,9 +211,9 @@ def _dropouts(values: Array, jumps: Sequence[int]) -> Iterator[Span]:
     Many rows that go on moving are another place, such as that of a counter that overflowed.
     """
     changes, ended = np.diff(values), 0
-    for first, following in pairwise([*jumps, 0]):
-        constant = np.ptp(values[first:following]) == 0.0 if following else False
-        ends = [following] if constant else range(first + 1, min(first + 1 + STUCK_ROWS, values.size))
+    for first, next_jump in pairwise([*jumps, 0]):
+        constant = np.ptp(values[first:next_jump]) == 0.0 if next_jump else False
+        ends = [next_jump] if constant else range(first + 1, min(first + 1 + STUCK_ROWS, values.size))
         away = changes[first - 1]
         end = next((end for end in ends if abs(changes[end - 1] + away) < NEIGHBOUR_AGREEMENT * abs(away)), 0)
         if end and first > ended:  # where one ends, none begins: what follows is the signal
