@@ -138,7 +138,7 @@ def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
     normal, spring_force = frame.normal[rows], -scene.stiffness * frame.distance[rows]
     damper_force = scene.damping * np.abs(np.sum(hand_velocity(recording)[rows] * normal, axis=1))
     difference = np.sum(recording.force[rows] * normal, axis=1) - spring_force
-    stiffness_ratio = float(np.median(1.0 + _beyond(difference, damper_force) / spring_force))
+    stiffness_ratio = float(np.median(1.0 + _reduce_by_doubt(difference, damper_force) / spring_force))
     is_off = not softest / STIFFNESS_FACTOR < stiffness_ratio < STIFFNESS_FACTOR * stiffest
     return stiffness_ratio if is_off else None
 
@@ -300,11 +300,11 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     if not np.all(np.abs(nearest) > 0.0):
         return None
     # 1 - |given| / |required|: 0 where all is given, 1 where nothing is.
-    missing = _beyond(1.0 + outward_force[:-1] / nearest, push_doubt[:-1] / np.abs(nearest))
+    missing = _reduce_by_doubt(1.0 + outward_force[:-1] / nearest, push_doubt[:-1] / np.abs(nearest))
     return float(missing[np.argmin(np.abs(missing))])
 
 
-def _beyond(values: Array, doubt: Array) -> Array:
+def _reduce_by_doubt(values: Array, doubt: Array) -> Array:
     """Return `values` (n,), N or shares, less what is open of them, (n,): 0 where that is all."""
     return np.asarray(np.sign(values) * np.maximum(np.abs(values) - doubt, 0.0))
 
