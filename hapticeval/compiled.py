@@ -39,7 +39,6 @@ from numba.experimental.function_type import _get_wrapper_address
 from numpy.typing import NDArray
 
 from hapticeval.kernel_cache import folder_of, lock_file
-from hapticeval.numba_shortcuts import take_shortcuts
 from hapticeval.pulse import compiling
 
 P = ParamSpec("P")
@@ -49,11 +48,8 @@ T = TypeVar("T", bound=np.generic)
 ENVIRONMENT = "_ZN08NumbaEnv"
 """How the names of numba's environments begin, one a kernel: what it needs of Python."""
 
-NUMBA_IS_KNOWN = (0, 61) <= numba.version_info.short < (0, 69)
-"""Whether inner methods of this numba are those that `_LinkedLibrary` and `take_shortcuts` replace; else none is."""
-
-if NUMBA_IS_KNOWN:
-    take_shortcuts()
+LINKS_IN, LINKS_BEFORE = (0, 61), (0, 69)
+"""The versions of numba in which `_LinkedLibrary` does its work, by inner methods; in others numba does all."""
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -120,7 +116,7 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
         **options,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
-        pipeline_class=_LinkedCompiler if NUMBA_IS_KNOWN else Compiler,
+        pipeline_class=_LinkedCompiler if LINKS_IN <= numba.version_info.short < LINKS_BEFORE else Compiler,
     )
     kernel.called = called
     own_call_template, own_overload = kernel.get_call_template, kernel.get_overload

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"types", "pulse", "kernel_cache", "numba_shortcuts"},
+    {"types", "pulse", "kernel_cache"},
     {"errors", "compiled", "records", "extras", "registrations"},
     {"bracket", "laws"},
     {"documents"},
