@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from hapticeval.devices.parallelogram import constant_unit
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.files import file_stem
@@ -206,6 +207,7 @@ def robot_words(run: RunEntry) -> str:
     if device.kind == "parallelogram-3dof":
         dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
         words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
+    words += [f"{name} = {format_quantity(value, constant_unit(name))}" for name, value in device.constants.items()]
     if device.turning and scene.inner_loop is not None:
         words.append(INNER_LOOPS[scene.inner_loop])
     wrong = _effects(scene, of_surface=False)

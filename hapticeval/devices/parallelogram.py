@@ -94,13 +94,26 @@ class ParallelogramParameters:
                 value = checked_size(value, constant.name)
             else:
                 value = checked_number(constant.name, value)
-                unit, zero_allowed = ("N m s/rad", True) if constant.name.startswith("b") else ("kg m²", False)
+                zero_allowed = constant.name.startswith("b")
                 if value < 0.0 or (value == 0.0 and not zero_allowed):
                     raise InputError(
-                        f"{constant.name} = {value!r} {unit}",
+                        f"{constant.name} = {value!r} {constant_unit(constant.name)}",
                         why="a joint cannot drive itself" if zero_allowed else "an inertia must be positive",
                     )
             object.__setattr__(self, constant.name, value)
+
+    def changed(self) -> dict[str, float]:
+        """Return the constants by name that are not those of Table A.1."""
+        return {
+            constant.name: value
+            for constant in fields(self)
+            if (value := getattr(self, constant.name)) != constant.default
+        }
+
+
+def constant_unit(name: str) -> str:
+    """Return the unit of a constant of Table A.1, by its name."""
+    return {"l": "m", "b": "N m s/rad", "d": "kg m²"}[name[0]]
 
 
 @dataclass(frozen=True)

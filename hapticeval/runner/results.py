@@ -137,11 +137,15 @@ class Ended(Entry, frozen=True, kw_only=True):
 
 
 class Robot(Entry, frozen=True, kw_only=True):
-    """The device of an experiment; the choices of dynamics and base inertia where it offers them."""
+    """The device of an experiment; the choices of dynamics and base inertia where it offers them.
+
+    `constants` are those of a parallelogram robot that are not in Table A.1, by name, in their SI units.
+    """
 
     kind: str
     dynamics: str | None = None
     base_inertia: str | None = None
+    constants: dict[str, float] = {}
 
     @property
     def turning(self) -> bool:

@@ -20,6 +20,7 @@ from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 
+from hapticeval.devices.parallelogram import Parallelogram
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import RendererError, place_in_stack
@@ -255,9 +256,12 @@ def _scene(case: Case) -> SceneEntry:
     if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot
-    choices = {name: str(choice) for name in ("dynamics", "base_inertia") if (choice := getattr(device, name, None))}
-    return SceneEntry(
-        **numbers,
-        device=Robot(kind=device.name, **choices),
-        inner_loop=scene.inner_loop,
-    )
+    robot = Robot(kind=device.name)
+    if isinstance(device, Parallelogram):
+        robot = Robot(
+            kind=device.name,
+            dynamics=device.dynamics.value,
+            base_inertia=device.base_inertia.value,
+            constants=device.constants.changed(),
+        )
+    return SceneEntry(**numbers, device=robot, inner_loop=scene.inner_loop)

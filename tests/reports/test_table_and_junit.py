@@ -231,6 +231,8 @@ def test_a_robot_says_which_dynamics_and_which_inertia_it_has_a_choice_of():
     flat = robot_words(run(**{**ROBOT, "device": changed(printed, kind="parallelogram-2dof")}))
     assert "dynamics" not in flat
     assert "d₀" not in flat
+    own = Robot(kind="parallelogram-2dof", constants={"l4": 0.4, "b1": 0.0})
+    assert robot_words(run(**{**ROBOT, "device": own})).startswith("parallelogram-2dof, l4 = 400 mm, b1 = 0 N m s/rad,")
 
 
 @pytest.mark.parametrize(

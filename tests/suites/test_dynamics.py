@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib.resources import files
 
 import golden
 import numpy as np
@@ -237,6 +238,16 @@ def test_results_say_what_robot_was_driven(tmp_path):
     assert run.scene.inner_loop == "linearised"
     assert run.scene.effects == [{"kind": "encoder", "step": pytest.approx(2.0 * np.pi / 262144)}]
     assert (run.ended, run.closed_form) == (None, None)
+
+
+def test_results_say_which_constants_a_robot_of_its_own_has(tmp_path):
+    text = files("hapticeval.suites").joinpath("dynamics-line.toml").read_text(encoding="utf-8")
+    own = 'device = { kind = "parallelogram-2dof", b1 = 0.4, l1 = 0.3 }'
+    (tmp_path / "own.toml").write_text(text.replace('device = "parallelogram-2dof"', own), encoding="utf-8")
+    options = RunOptions(select=("line-robot-enc*",), output=tmp_path / "out", workers=0)
+    list(execute(plan([str(tmp_path / "own.toml")], [SCHEMES[0]], options)))
+    # l1 is that of Table A.1
+    assert read_results(tmp_path / "out").runs[0].scene.device.constants == {"b1": 0.4}
 
 
 def test_a_sensed_push_moves_the_tool_along_the_surface_and_not_across():
