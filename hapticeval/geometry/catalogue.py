@@ -232,8 +232,8 @@ def mesh(
             f"the mesh file {file} has no unit", why="the format has none", todo="give unit: m, mm, cm or in"
         )
     factor = metres_per(unit)
+    corners, rows = read_mesh(Path(file))
     with at(str(file)):
-        corners, rows = read_mesh(Path(file))
         surface = Mesh(name, factor * corners, rows)
     return Model(name, MappingProxyType({"file": str(file), **parameters}), surface)
 

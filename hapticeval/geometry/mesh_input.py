@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from hapticeval.errors import InputError, UnknownNameError, in_m, unreadable
+from hapticeval.errors import InputError, UnknownNameError, at, in_m, unreadable
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry.validate import SMALLEST_SIZE, check_range, not_finite_error
 from hapticeval.types import Array, IntArray
@@ -362,9 +362,10 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
         raise InputError(f"{file} holds no triangles", why="lines and points bound no solid", todo="export a surface")
     if len(triangles) > MOST_TRIANGLES:
         raise InputError(f"{file} holds {len(triangles)} triangles", why=f"at most {MOST_TRIANGLES} are taken")
-    if not np.isfinite(vertices).all():
-        raise not_finite_error(vertices, "vertex coordinates: vertex")
-    check_corners_named(triangles, len(vertices))
+    with at(str(file)):
+        if not np.isfinite(vertices).all():
+            raise not_finite_error(vertices, "vertex coordinates: vertex")
+        check_corners_named(triangles, len(vertices))
     return merge_equal_vertices(vertices, triangles)
 
 
