@@ -70,10 +70,11 @@ class Waves:
             self.bend = float(np.max(np.abs(spline.derivative(2)(spline.x))))
             # Its slope is zero somewhere, and no farther than half a wave from anywhere.
             self.steep = 0.5 * self.bend * self.wave
+            self.highest = float(np.max(np.abs(relief.profile)))
         else:
             high = relief.amplitude or 0.0
             self.height, self.rise = (lambda at: high * np.sin(turn * at)), (lambda at: high * turn * np.cos(turn * at))
-            self.steep, self.bend = high * turn, high * turn**2
+            self.steep, self.bend, self.highest = high * turn, high * turn**2, high
 
     def over(self, points: Array, foot: Array, normal: Array) -> tuple[Array, Array]:
         """Return heights (n,), m, and their gradient (n, N) along the surface, at the feet of `points` (n, N), m."""
@@ -175,29 +176,38 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Compared from the tick on in which a late renderer's queue is filled.
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
     # both channels look for their lag, from the same ticks on
-    felt = cache(_relief_law(Waves(relief, scene), scene, base, plain, rows))
+    waves = Waves(relief, scene)
+    felt = cache(_relief_law(waves, scene, base, plain, rows))
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
     resting = resting_ticks(base.ihip) * steps_to(base.hip)
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
-    # A bump map tilts the force alone: of the IHIP it changes nothing that could be compared.
-    channels = ("force",) if relief.kind == BUMP_MAP else ("force", "ihip")
-    deviations = [
-        _compare_channel(felt, base, rows, doubt, channel, scene, turns_answers=relief.kind == BUMP_MAP)
-        for channel in channels
-    ]
-    clear = [deviation for deviation in deviations if deviation is not None]
-    if len(clear) < len(channels):
+    turns_answers = relief.kind == BUMP_MAP
+    force, ihip = (
+        _compare_channel(felt, base, rows, doubt, channel, scene, waves.highest, turns_answers=turns_answers)
+        for channel in ("force", "ihip")
+    )
+    # A bump map turns the force alone: its IHIP is compared where it is known without the relief, and well enough.
+    if turns_answers and plain is None:
+        ihip = None
+    clear = [deviation for deviation in (force, ihip) if deviation is not None]
+    if force is None or (ihip is None and not turns_answers):
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
     # The force first: an IHIP that is off with it is of the same fault.
     worst = max(clear, key=lambda deviation: min(deviation.off / deviation.allowed, 2.0))
     amount = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
-    share_shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
+    evidence = evidence_at(base, worst.tick)
+    if worst.share is None:
+        share_shown = f"a {relief.kind} leaves it where it is"
+    else:
+        evidence["share"] = worst.share
+        share_shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
+    right_channels = "the force is that" if ihip is None else "force and IHIP are those"
     return compared(
         Metric(f"{worst.channel} off that of the relief", worst.off, "N" if worst.channel == "force" else "m"),
         worst.allowed,
-        {**evidence_at(base, worst.tick), "share": worst.share, "lag_ticks": worst.lag},
-        passes=f"force and IHIP are those of the {relief.kind} in every tick",
+        {**evidence, "lag_ticks": worst.lag},
+        passes=f"{right_channels} of the {relief.kind} in every tick",
         fails=(
             f"the {worst.channel} is {amount} off that of the {relief.kind} at t = {base.time[worst.tick]:.4g} s (tick "
             f"{worst.tick}); {share_shown}"
@@ -208,7 +218,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 class Deviation(NamedTuple):
     """The tick at which a channel is farthest off the law: by how much, what is allowed there, and its lag (ticks).
 
-    `share` is how much of what the relief adds the channel shows over all ticks: 1 where it is right, 0 without one.
+    `share` is how much of what the relief adds the channel shows over all ticks: 1 where it is right, 0 without one,
+    and None where it adds nothing.
     """
 
     channel: str
@@ -216,7 +227,7 @@ class Deviation(NamedTuple):
     off: float
     allowed: float
     lag: float
-    share: float
+    share: float | None
 
 
 def _relief_law(
@@ -237,10 +248,14 @@ def _compare_channel(
     doubt: Array,
     channel: str,
     scene: Scene,
+    highest: float,
     *,
     turns_answers: bool,
 ) -> Deviation | None:
-    """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open."""
+    """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open.
+
+    `doubt` (n,), m, is what is open of the HIP; the relief is `highest` (m) high.
+    """
     recorded = base.channels[channel][rows]
 
     def law(lag: float) -> tuple[Array, Array, Callable[[], Array]]:
@@ -272,13 +287,14 @@ def _compare_channel(
     rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
     allowed = moves() * doubt + late + SINGLE_ROUNDINGS * rounded
-    # Ticks in which a tenth of the relief's largest effect can be told.
-    clear = allowed <= TELLING_SHARE * float(np.max(np.linalg.norm(change, axis=1)))
+    # Ticks in which a tenth of the relief's largest effect can be told: of an IHIP that it leaves, of its height.
+    changes = bool(change.any())
+    clear = allowed <= TELLING_SHARE * (float(np.max(np.linalg.norm(change, axis=1))) if changes else highest)
     if not clear.any():
         return None
     deviation = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
     worst = worst_row(deviation / allowed)
-    share = float(np.sum((recorded - bare_answer) * change) / np.sum(change**2))
+    share = float(np.sum((recorded - bare_answer) * change) / np.sum(change**2)) if changes else None
     return Deviation(channel, int(rows[worst]), float(deviation[worst]), float(allowed[worst]), float(lag), share)
 
 

@@ -362,6 +362,20 @@ def test_what_sensors_show_is_not_the_hand(check, effect):
     assert outcome(check, run, scene.with_effects(VelocityFilter(cutoff=50.0))) is UNDECIDED
 
 
+@pytest.mark.parametrize(("raised", "expected"), [(0.0, PASS), (1e-12, PASS), (1e-6, FAIL), (1e-4, FAIL)])
+def test_a_bump_map_leaves_the_ihip_where_it_is(raised, expected):
+    """To a millionth of a metre: what rounding and single precision leave open is less."""
+    scene = Scene(model=LINE, effects=(BumpMap(wavelength=2e-3, amplitude=4e-5),))
+    hand = Path(1e-3 * np.arange(100.0), np.column_stack([4e-5 * np.arange(100.0), np.full(100, -DEPTH)]))
+    base, plain = (
+        play(make_renderer(resolve("minimum-distance"), felt_scene), hand, 1e-3, scene=felt_scene)
+        for felt_scene in (scene, Scene(model=LINE))
+    )
+    lifted = changed(base, ihip=base.ihip + np.array([0.0, raised]))
+    assert outcome("texture-relief", Runs(lifted, without=lambda kind: plain), scene) is expected
+    assert outcome("texture-relief", Runs(base), scene) is PASS, "where the answer without the relief is not known"
+
+
 @pytest.mark.parametrize(
     ("first", "second"),
     [
