@@ -344,7 +344,9 @@ class TestReliefChannel:
         values = {name: np.vstack([np.zeros((3, 2)), getattr(answer, name)]) for name in ("force", "ihip")}
         values[channel][23, 0] += off
         base = recorded(hip, values["ihip"], values["force"])
-        return _compare_channel(self.felt, base, self.ROWS, np.full(57, doubt), channel, LINE, turns_answers=turns)
+        return _compare_channel(
+            self.felt, base, self.ROWS, np.full(57, doubt), channel, LINE, 2e-4, turns_answers=turns
+        )
 
     @pytest.mark.parametrize("lag", [0.0, 1.0, 3.0])
     @pytest.mark.parametrize(("channel", "off", "moves"), [("force", 0.05, 2000.0), ("ihip", 2e-5, 0.5)])
@@ -380,6 +382,8 @@ class TestReliefChannel:
         force = np.vstack([np.zeros((3, 2)), answer.bare_force + share * (answer.force - answer.bare_force)])
         hip = np.column_stack([1e-4 * np.arange(60.0), np.full(60, -1e-3)])
         base = recorded(hip, 0.0 * hip, force)
-        deviation = _compare_channel(self.felt, base, self.ROWS, np.full(57, 1e-6), "force", LINE, turns_answers=False)
+        deviation = _compare_channel(
+            self.felt, base, self.ROWS, np.full(57, 1e-6), "force", LINE, 2e-4, turns_answers=False
+        )
         assert deviation.share == pytest.approx(share, abs=1e-9)
         assert deviation.off == pytest.approx(abs(1.0 - share) * 0.5, rel=1e-2)
