@@ -208,9 +208,10 @@ class CaseView:
     @property
     def own_tools(self) -> Sequence[str]:
         """The renderers whose hand is no hand, on a given path."""
-        return [name for name, recording in self.recordings.items() if _is_led(self.recordings) and recording.own_tool]
+        own_tools = [name for name, recording in self.recordings.items() if recording.own_tool]
+        return own_tools if _is_led(self.recordings) else []
 
-    @property
+    @cached_property
     def drawn_names(self) -> Sequence[str]:
         """The renderers of which something is drawn."""
         return [track.name for track in self.tracks]

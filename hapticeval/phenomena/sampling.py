@@ -55,7 +55,7 @@ def steps_to(points: Array) -> Array:
 
 def hip_steps(recording: Recording) -> Array:
     """Return the distance that the HIP moves from each sample to the next: (n - 1,), m."""
-    return lengths_of(np.diff(recording.hip, axis=0))
+    return steps_to(recording.hip)[1:]
 
 
 def hand_velocity(recording: Recording) -> Array:

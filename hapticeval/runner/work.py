@@ -256,12 +256,11 @@ def _scene(case: Case) -> SceneEntry:
     if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot
-    robot = Robot(kind=device.name)
+    own_numbers: dict[str, Any] = {}
     if isinstance(device, Parallelogram):
-        robot = Robot(
-            kind=device.name,
-            dynamics=device.dynamics.value,
-            base_inertia=device.base_inertia.value,
-            constants=device.constants.changed(),
-        )
-    return SceneEntry(**numbers, device=robot, inner_loop=scene.inner_loop)
+        own_numbers = {
+            "dynamics": device.dynamics.value,
+            "base_inertia": device.base_inertia.value,
+            "constants": device.constants.changed(),
+        }
+    return SceneEntry(**numbers, device=Robot(kind=device.name, **own_numbers), inner_loop=scene.inner_loop)

@@ -183,13 +183,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     resting = resting_ticks(base.ihip) * steps_to(base.hip)
     doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
     turns_answers = relief.kind == BUMP_MAP
-    force, ihip = (
-        _compare_channel(felt, base, rows, doubt, channel, scene, waves.highest, turns_answers=turns_answers)
-        for channel in ("force", "ihip")
-    )
+
+    def compare(channel: str) -> Deviation | None:
+        """Compare a channel with the relief's law: see `_compare_channel`."""
+        return _compare_channel(felt, base, rows, doubt, channel, scene, waves.highest, turns_answers=turns_answers)
+
     # A bump map turns the force alone: its IHIP is compared where it is known without the relief, and well enough.
-    if turns_answers and plain is None:
-        ihip = None
+    force, ihip = compare("force"), None if turns_answers and plain is None else compare("ihip")
     clear = [deviation for deviation in (force, ihip) if deviation is not None]
     if force is None or (ihip is None and not turns_answers):
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")

@@ -12,7 +12,7 @@ which it otherwise changes many times is stuck. What keeps its value by nature i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import zip_longest
 
 import numpy as np
 
@@ -211,14 +211,20 @@ def _dropouts(values: Array, jumps: Sequence[int]) -> Iterator[Span]:
     Many rows that go on moving are another place, such as that of a counter that overflowed.
     """
     changes, ended = np.diff(values), 0
-    for first, next_jump in pairwise([*jumps, 0]):
-        constant = np.ptp(values[first:next_jump]) == 0.0 if next_jump else False
-        ends = [next_jump] if constant else range(first + 1, min(first + 1 + STUCK_ROWS, values.size))
+    for first, next_jump in zip_longest(jumps, jumps[1:]):
+        # Where one ends, none begins: what follows is the signal.
+        if first <= ended:
+            continue
+        # Few rows, whatever they hold, or rows of one value up to the next jump.
+        ends: Sequence[int] = range(first + 1, min(first + 1 + STUCK_ROWS, values.size))
+        if next_jump is not None and np.ptp(values[first:next_jump]) == 0.0:
+            ends = [next_jump]
         away = changes[first - 1]
-        end = next((end for end in ends if abs(changes[end - 1] + away) < NEIGHBOUR_AGREEMENT * abs(away)), 0)
-        if end and first > ended:  # where one ends, none begins: what follows is the signal
-            ended = end
-            yield first, end
+        for end in ends:
+            if abs(changes[end - 1] + away) < NEIGHBOUR_AGREEMENT * abs(away):
+                ended = end
+                yield first, end
+                break
 
 
 def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[Span]:
