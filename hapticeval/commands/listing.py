@@ -68,10 +68,6 @@ def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
         )
 
 
-def _rows_of_cases() -> Rows:
-    return chain.from_iterable(rows for _, rows in cases())
-
-
 def _cases_in_file(file: str) -> Sequence[tuple[Heading, bool]]:
     # Imported for a user's file alone: it takes what compiles.
     from hapticeval.suite.reading import load_suite
@@ -179,8 +175,9 @@ def explanation(word: str) -> str:
     pages = read_pages()
     named = called or [name for name, page in pages.items() if has_word(page.text, word)]
     if not named:
-        for what, rows in {**LISTINGS, cases.__name__: _rows_of_cases}.items():
-            if word in (name for name, _ in rows()):
+        case_rows = chain.from_iterable(rows for _, rows in cases())
+        for what, rows in (*((what, listed()) for what, listed in LISTINGS.items()), (cases.__name__, case_rows)):
+            if word in (name for name, _ in rows):
                 raise InputError(
                     f"'{word}' is no check", why=f"it is among the {what}", todo=f"see hapticeval list {what}"
                 )

@@ -15,6 +15,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.checked_calls import reset_checked, step_checked
 from hapticeval.types import Array
 
 PROBE_STEP = 1e-6  # m by which the hand is moved to measure a renderer's gains: less than any encoder resolves
@@ -51,9 +52,9 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     def force_after(before: Array, now: Array, velocity: Array) -> Array:
         """Return the force (N,), N, at `now` after `before` (N,), m, with `velocity` (N,), m/s."""
         # Two ticks: the first makes `before` the last HIP for a renderer that remembers it.
-        renderer.reset(before.copy())
-        renderer.step(before.copy(), still.copy(), dt)
-        return np.asarray(renderer.step(now.copy(), velocity.copy(), dt)[1], dtype=np.float64)
+        reset_checked(renderer, before)
+        step_checked(renderer, 0, before, still, dt)
+        return step_checked(renderer, 1, now, velocity, dt)[1]
 
     def gains_at_depth(depth: float) -> Array:
         """Return the three gains (3, N, N) at a depth, m."""

@@ -20,6 +20,7 @@ from hapticeval.effects.sensors import Encoder
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
+from hapticeval.simulation.checked_calls import reset_checked, step_checked
 from hapticeval.study.limits.loop import Place, Robot, loop_delay, robot_at
 from hapticeval.study.limits.search import finite_or_none, rests_after_release
 from hapticeval.types import Array
@@ -147,8 +148,8 @@ def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step
     def force_where(counts: tuple[float, ...]) -> float:
         """Return the force (N) along the normal that the renderer answers where the encoders say that the hand is."""
         hip = np.asarray(device.position(encoder_step * np.array(counts)))
-        renderer.reset(hip.copy())
-        return float(renderer.step(hip, still.copy(), scene.sampling_time)[1] @ place.normal)
+        reset_checked(renderer, hip)
+        return float(step_checked(renderer, 0, hip, still, scene.sampling_time)[1] @ place.normal)
 
     def forces_at(depths: Array) -> Array:
         """Return the forces (n,), N, at true depths (n,), m, each by joints in whole counts."""
