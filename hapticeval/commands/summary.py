@@ -296,7 +296,7 @@ def _totals_words(results: ResultsDocument, *, verbose: bool) -> str:
         if verbose or not any(standing.excused for standing in standings)
         else " (-v shows what is known or inherent)"
     )
-    ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
+    ran = f"{results.ran:,} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
     unexpected = f"{len(results.stopping) or 'none'} not as expected{results.strict_words}"

@@ -485,7 +485,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         if self.ran > self.planned or (self.complete and self.ran != self.planned):
             state = "complete" if self.complete else "incomplete"
             raise ValueError(
-                f"{self.ran} of {self.planned} planned verdicts ran, and it is {state}: a complete run has as many "
+                f"{self.ran:,} of {self.planned:,} planned verdicts ran, and it is {state}: a complete run has as many "
                 "verdicts as were planned, and no run has more"
             )
         if self.ran != len(self.verdicts):
