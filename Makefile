@@ -1,5 +1,7 @@
 # make run     set up, judge the built-in renderers, by playback, in closed loop and recorded, write results/
-# make test    set up with the development tools, run the tests
+# make test    set up with the development tools, run the tests; LATEST=1, here or elsewhere: with the newest libraries of today, in
+#              .venv-latest, rather than with those of constraints.txt
+# make lock    write the newest libraries that pyproject.toml allows into constraints.txt, for every platform
 # make system  run the tests that start commands and clusters, kill them, and judge whole suites, and what takes seconds
 # make fuzz    explore with fresh seeds: the ideal contact in EXAMPLES=300, then for MINUTES=30 properties, damaged files,
 #              odd renderers
@@ -20,16 +22,17 @@
 # make clean   remove what these made; results/ stays
 
 PYTHON ?= python3
-BIN := .venv/bin
+VENV := .venv$(if $(LATEST),-latest)
+BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs pictures site lint clean
+.PHONY: run test lock system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs pictures site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. What goes
 # wrong with these two says so, and stops nothing.
-run: .venv/run.stamp
+run: $(VENV)/run.stamp
 	@$(BIN)/hapticeval bench --quick -o results || true
 	@rm -rf results/robot.h5 results/replay
 	@$(BIN)/hapticeval record --model cassinian --seconds 5 -o results/robot.h5 || true
@@ -38,56 +41,60 @@ run: .venv/run.stamp
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 
-test: .venv/dev.stamp
+lock: $(VENV)/dev.stamp
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --upgrade --all-extras --no-annotate --custom-compile-command 'make lock' \
+	  pyproject.toml --output-file constraints.txt
+
+test: $(VENV)/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal
 
-system: .venv/dev.stamp
+system: $(VENV)/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m 'system and not slow'
 	$(BIN)/pytest benchmarks/ --benchmark-disable
 
 # Cells that say the same stay as they are, to the digit. In one process: each table is one file. With CHECK=ID only what asks
 # that check is judged, of that check alone, and of the texts of errors only those that list checks. Nothing selected is no error (5):
 # a check may have no test of its own yet.
-tables: .venv/dev.stamp
+tables: $(VENV)/dev.stamp
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m '' -k 'recorded or published or page_counts or page_is_the_table' \
 	  tests/phenomena/test_decisions.py tests/test_listed.py tests/meta/test_kill_matrix.py tests/suites
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q $(if $(CHECK),--measures $(CHECK)) tests/phenomena tests/meta \
 	  tests/recordings/test_drawn.py || [ $$? = 5 ]
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m 'refusals and not slow' $(if $(CHECK),tests/suite tests/runner)
 
-fuzz: .venv/dev.stamp
+fuzz: $(VENV)/dev.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
 
-mutants: .venv/dev.stamp
+mutants: $(VENV)/dev.stamp
 	$(BIN)/python tests/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) --seed $(or $(SEED),0) $(TARGETS)
 
 # What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
-counterexamples: .venv/run.stamp
+counterexamples: $(VENV)/run.stamp
 	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
 	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
 	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
 
-engines: .venv/dev.stamp
+engines: $(VENV)/dev.stamp
 	$(BIN)/python -m hapticeval.examples.engines.measure $(SUITES)
 
-field: .venv/dev.stamp
+field: $(VENV)/dev.stamp
 	$(BIN)/python -m hapticeval.examples.studies.field_tables
 
 # From what make engines has left in results/engines.
-engines-smallest: .venv/dev.stamp
+engines-smallest: $(VENV)/dev.stamp
 	$(BIN)/python -m hapticeval.examples.engines.smallest
 
-bench: .venv/dev.stamp
+bench: $(VENV)/dev.stamp
 	$(BIN)/pytest benchmarks/ -m ''
 
-study: .venv/dev.stamp
+study: $(VENV)/dev.stamp
 	$(BIN)/pytest -n 2 --dist worksteal -m slow
 
-browser: .venv/dev.stamp .venv/browser/node_modules/axe-core/axe.min.js
+browser: $(VENV)/dev.stamp $(VENV)/browser/node_modules/axe-core/axe.min.js
 	$(BIN)/pytest -m browser
 
-docs: .venv/dev.stamp
+docs: $(VENV)/dev.stamp
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -n 2 -m docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -97,35 +104,52 @@ pictures: docs
 
 site: run docs
 
-lint: .venv/dev.stamp
+lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	rm -rf build
-	$(BIN)/pip install --quiet --no-deps --target build/typecheck .
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --target build/typecheck .
 	cd build/typecheck && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p hapticeval
 
-# The install is editable: changes to the code need no new one. A change of pyproject.toml does.
-.venv/run.stamp: pyproject.toml | .venv/bin/pip
-	@echo "installing hapticeval and the libraries that it needs into .venv, once: this takes a while" >&2
-	$(BIN)/pip install --quiet --editable .
+# The install is editable: changes to the code need no new one. A change of pyproject.toml or of constraints.txt does.
+$(VENV)/run.stamp: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	@echo "installing hapticeval and the libraries that it needs into $(VENV)" >&2
+	$(call install,.)
 	@touch $@
 
-.venv/dev.stamp: pyproject.toml | .venv/bin/pip
-	@echo "installing hapticeval, its libraries and the development tools into .venv, once: this takes a while" >&2
-	$(BIN)/pip install --quiet --editable '.[dev]'
-	@touch $@ .venv/run.stamp
+$(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	@echo "installing hapticeval, its libraries and the development tools into $(VENV)" >&2
+	$(call install,'.[dev]')
+	@touch $@ $(VENV)/run.stamp
+
+# uv installs in a tenth of pip's processor time, but reads no settings of pip: where these name an index, or where uv cannot be had or
+# fails, pip installs. What builds the package lies in the environment, and so is of a known version too.
+define install
+@if $(BIN)/pip config list | grep -q '[.]index-url' || ! $(BIN)/pip install --quiet $(VERSIONS) 'setuptools>=77' uv || \
+  ! $(BIN)/uv pip install --quiet --python $(BIN)/python $(VERSIONS) --no-build-isolation --editable $(1); then \
+  $(BIN)/pip install --quiet $(VERSIONS) 'setuptools>=77' && \
+  $(BIN)/pip install --quiet $(VERSIONS) --no-build-isolation --editable $(1); fi
+endef
+
+ifdef LATEST
+VERSIONS := --upgrade
+export PIP_UPGRADE_STRATEGY := eager
+.PHONY: $(VENV)/run.stamp $(VENV)/dev.stamp # tomorrow's newest is another
+else
+VERSIONS := --constraint constraints.txt
+endif
 
 # What judges whether the pages can be read by everyone.
-.venv/browser/node_modules/axe-core/axe.min.js: | .venv/bin/pip
-	npm install --silent --no-fund --no-audit --no-save --prefix .venv/browser axe-core@4
+$(VENV)/browser/node_modules/axe-core/axe.min.js: | $(VENV)/bin/pip
+	npm install --silent --no-fund --no-audit --no-save --prefix $(VENV)/browser axe-core@4
 
-.venv/bin/pip:
+$(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "hapticeval needs Python 3.11 or later, and $(PYTHON) is $$($(PYTHON) --version 2>&1)." >&2; \
 	  echo "Name a later one: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
-	@echo "making a virtual environment in .venv" >&2
-	$(PYTHON) -m venv .venv || { rm -rf .venv; exit 1; }
+	@echo "making a virtual environment in $(VENV)" >&2
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 clean:
-	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-latest build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -38,10 +38,11 @@ Who goes to and fro between two states of the code compiles each of them once.
 def kernel_folder() -> Path:
     """Return where the compiled kernels of this installation are kept.
 
-    That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names.
+    That is a folder of its own in the user's cache folder, or in the one that NUMBA_CACHE_DIR names. Each environment
+    has its own, since it may have another numba.
     """
     all_installations = Path(os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("hapticeval") / "kernels")
-    return all_installations / hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+    return all_installations / hashlib.sha256(f"{Path(__file__).parent} {sys.prefix}".encode()).hexdigest()[:12]
 
 
 def folder_of(module: str) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 COMMANDS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OWN_SCHEMES = ("file:", "about:", "data:", "blob:")
-AXE = Path(__file__).parents[1] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
+AXE = Path(sys.prefix) / "browser" / "node_modules" / "axe-core" / "axe.min.js"
 AXE_FINDINGS = """axe.run(document, {preload: false}).then(found => JSON.stringify(
     found.violations.map(violation => [violation.id, violation.impact, violation.nodes.map(node => node.html)])))"""
 """What axe finds in a page that has run `AXE`, as JSON."""
