@@ -6,6 +6,7 @@ import gc
 import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -15,7 +16,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import measured
 import pytest
 from hypothesis import HealthCheck, settings
-from hypothesis.internal.conjecture import providers
 from refusals import Refusals
 
 # No clock decides a test: neither a deadline, nor how long examples take to draw.
@@ -26,8 +26,10 @@ settings.register_profile("fuzz", **UNTIMED, print_blob=True)  # chosen by --hyp
 settings.load_profile("repeatable")
 
 # Hypothesis draws some numbers from the source of the modules that happen to be loaded. Which these are depends on the
-# tests that ran before in the same process, and so would the examples. tests/test_repeatable.py shows that this holds.
-providers.is_local_module_file = lambda path: False
+# tests that ran before in the same process, and so would the examples. Hypothesis has no setting for that, so one
+# of its functions is replaced. Where it has none of that name any more, tests/test_repeatable.py fails and says so.
+with suppress(ImportError, AttributeError):
+    pytest.MonkeyPatch().setattr("hypothesis.internal.conjecture.providers.is_local_module_file", lambda path: False)
 
 # Started from a background job the tests inherit an ignored SIGINT, and would pass it on to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
+import hypothesis
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,4 +30,7 @@ def test_the_examples_are_the_same_each_time_whatever_modules_are_loaded(tmp_pat
     module.__file__ = str(tmp_path / "mine.py")
     monkeypatch.setitem(sys.modules, "mine", module)
     assert len(before) == 500
-    assert drawn() == before
+    assert drawn() == before, (
+        f"hypothesis {hypothesis.__version__} draws numbers from the modules that are loaded, "
+        "and tests/conftest.py does not keep it from that any more: replace what asks for them there"
+    )
