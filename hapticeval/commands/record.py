@@ -39,7 +39,7 @@ Exit codes:
   0  recorded
   1  recorded, but rows were lost, cycles missed, or it ended early, as by Ctrl-C: the message says which
   2  wrong usage or input, or the hardware has gone; what was recorded is kept
-  3  the renderer broke; what was recorded is kept
+  3  the renderer broke, or the watchdog doubts a reading or a command; what was recorded is kept
 """
 
 
@@ -76,6 +76,10 @@ def record(
         str, typer.Option(metavar="MODEL", help="As in `hapticeval study field`: circle, cassinian:size=0.15, ...")
     ] = "circle",
     rate: Annotated[float, typer.Option(metavar="HZ", help="Cycles a second.", min=1.0)] = 1000.0,
+    refuse_above: Annotated[
+        bool,
+        typer.Option("--refuse-above", help="End the run where a command is above a limit, instead of scaling it."),
+    ] = False,
     who: Annotated[str, typer.Option(metavar="NAME", help="The operator, for the recording.")] = "",
     real_time: Annotated[
         bool,
@@ -92,6 +96,9 @@ def record(
     friction and a delay, and a hand that slides on the model. It runs in simulated time, so that the same command gives
     the same recording. Any other device sets the pace itself, and needs a --wiring, which says what its raw numbers
     mean.
+
+    Motors get no more than the wiring's torque_limit and force_limit, and zeros at the end, on Ctrl-C and where a
+    reading is doubtful: see docs/robots.md for what is promised.
 
     \b
     Examples:
@@ -116,10 +123,11 @@ def record(
         **abilities_of(chosen_renderer).meta,
     }
     opener = _hardware_opener(hardware, wired, scene, simulated=simulated)
-    session = _Session(wired, scene, chosen_renderer, meta, max(1, round(seconds * rate)), simulated)
+    session = _Session(wired, scene, chosen_renderer, meta, max(1, round(seconds * rate)), simulated, refuse_above)
     live, summary = session.record(opener, journal, output)
     early = f"; ended early: {live.ended}" if live.ended else ""
-    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_step_times(live, rate)}")
+    lines = [f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}", _step_times(live, rate)]
+    say("\n".join([*lines, *live.notes]))
     raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
 
 
@@ -165,7 +173,10 @@ def _warn_of_instability(name: str, scene: Scene) -> None:
 
 @dataclass(frozen=True)
 class _Session:
-    """A run that is to be recorded: `cycles` of a `renderer` in a `scene`, on a robot wired so."""
+    """A run that is to be recorded: `cycles` of a `renderer` in a `scene`, on a robot wired so.
+
+    `simulated` says that the robot has no clock, `refusing` that a command above a limit ends the run.
+    """
 
     wiring: Wiring
     scene: Scene
@@ -173,11 +184,13 @@ class _Session:
     meta: dict[str, Any]
     cycles: int
     simulated: bool
+    refusing: bool
 
     def record(
         self, opener: AbstractContextManager[Callable[[], HardwareDevice]], journal: Path, output: Path
     ) -> tuple[LiveRun, Summary]:
         """Run, and make a recording of the journal: also of a run that failed, whose error is raised afterwards."""
+        from hapticeval.hardware.device import FIRST_PATIENCE
         from hapticeval.hardware.live import channels, run, signals
         from hapticeval.recordings.recorder import Recorder
 
@@ -193,7 +206,17 @@ class _Session:
             ):
                 tell = self._progress(recorder, terminal)
                 try:
-                    live = run(connect, self.wiring, self.renderer, self.scene, recorder, cycles=self.cycles, tell=tell)
+                    live = run(
+                        connect,
+                        self.wiring,
+                        self.renderer,
+                        self.scene,
+                        recorder,
+                        cycles=self.cycles,
+                        tell=tell,
+                        patience=FIRST_PATIENCE if self.simulated else None,
+                        refusing=self.refusing,
+                    )
                 except HapticevalError as error:
                     failure = error
                 # Also where the run failed: what was recorded is kept.
@@ -204,6 +227,8 @@ class _Session:
             typer.echo(_interrupted_words(journal, output, None if recorder is None else recorder.summary), err=True)
             raise typer.Exit(1) from None
         if failure is not None:
+            for note in getattr(failure, "__notes__", ()):
+                say(note)
             raise failure
         return live, summary
 

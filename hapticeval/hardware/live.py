@@ -13,6 +13,7 @@ import numpy as np
 
 from hapticeval.errors import DomainError, HapticevalError
 from hapticeval.hardware.device import Guarded, HardwareDevice
+from hapticeval.hardware.safety import RESUMED_AFTER, Limiter, Watchdog
 from hapticeval.hardware.wiring import Kinematics, Rates, Wiring
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
@@ -21,7 +22,8 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import reset_checked, step_checked
 from hapticeval.types import Array
 
-WORLD_CHANNELS, JOINT_CHANNELS = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")
+WORLD_CHANNELS = ("hip", "velocity", "ihip", "force", "sent_force")
+JOINT_CHANNELS = ("joint_position", "commanded_torque", "joint_torque")
 
 WARM_DISTANCE = 1e-3
 """Metres on either side of the surface at which everything is run once before it counts."""
@@ -43,7 +45,8 @@ class LiveRun:
     """How a live run went: `cycles` of the loop, `missed` ones of the hardware that the loop was too late for, and what
     `ended` it before its time, if anything did.
 
-    `median` and `longest` (s) are how long a step took, from what was read to the row of it; zero where there was none.
+    `notes` say what limits took away and which readings were dropped, a line each. `median` and `longest` (s) are how
+    long a step took, from what was read to the row of it; zero where there was none.
     """
 
     cycles: int
@@ -51,6 +54,7 @@ class LiveRun:
     ended: str = ""
     median: float = 0.0
     longest: float = 0.0
+    notes: tuple[str, ...] = ()
 
 
 def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
@@ -82,24 +86,33 @@ def run(
     *,
     cycles: int,
     tell: Callable[[int], None] | None = None,
+    patience: float | None = None,
+    refusing: bool = False,
 ) -> LiveRun:
-    """Run for `cycles` cycles of the hardware: read, project, answer, command, record; then stop the motors.
+    """Run for `cycles` cycles of the hardware: read, project, answer, limit, command, record; then stop the motors.
 
     The hardware is opened by `connect` when all else is ready, code compiled and loaded. Its motors are stopped
     whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity by `Rates`; the scene's
-    inner loop makes torques of the renderer's force. A row has the hardware's stamp.
+    inner loop makes torques of the renderer's force, of which the wiring's limits leave what is sent. A row has the
+    hardware's stamp, and what was commanded beside what was sent.
 
-    Ctrl-C, a recorder whose writer dies, and a robot or a renderer that is led out of where it is defined, end the run:
-    `ended` gives the reason. Raises `HapticevalError` where the hardware goes or gives nonsense, or stands outside of
-    its workspace at the start, and `RendererError` with the tick when the renderer breaks.
+    A cycle may take `patience` seconds, the wiring's `silent_cycles` where none is given: a simulation without a clock
+    needs more. Where `refusing`, a command above a limit ends the run.
+
+    Ctrl-C, a recorder whose writer dies, and a renderer that is led out of where it is defined, end the run: `ended`
+    gives the reason. Raises `WatchdogError` where a reading or a command is doubtful, `HapticevalError` where the
+    hardware goes, or stands outside of its workspace at the start, and `RendererError` with the tick when the renderer
+    breaks. The motors are at rest then, the rows up to there recorded, and the notes of the error are those of a run.
     """
     # Made before the hardware is opened, so that nothing is built while its cycles count.
-    loop = _Loop(wiring, renderer, scene, recorder)
+    loop = _Loop(wiring, renderer, scene, recorder, refusing=refusing)
+    patience = wiring.silent_cycles * scene.sampling_time if patience is None else patience
     ended = ""
+    failure: HapticevalError | None = None
     warm(wiring, renderer, scene)
     gc.freeze()  # what there is stays: a collection in mid-run then looks at little
     try:
-        with Guarded(connect(), wiring.device.dimension, scene.sampling_time) as robot:
+        with Guarded(connect(), wiring.device.dimension, scene.sampling_time, patience) as robot:
             try:
                 # Cycles of the hardware: a run lasts as long whether the loop was late or not.
                 while loop.tick + loop.missed < cycles:
@@ -113,35 +126,53 @@ def run(
             except KeyboardInterrupt:
                 ended = "interrupted by the user"
             except DomainError as error:
-                # The first pose already is outside: nothing was felt, so this is an error and no end of a run.
-                if loop.tick == 0:
-                    raise HapticevalError(
-                        "the run cannot start where the robot is",
-                        why=f"{error.what}: {error.why}" if error.why else error.what,
-                        todo="move the robot; if it is not there, see the wiring: offsets, directions, counts a turn",
-                    ) from error
-                ended = f"{error.what}: {error.why}" if error.why else error.what
+                ended, failure = _reason(error), _cannot_start(error) if loop.tick == 0 else None
             except HapticevalError as error:
-                recorder.event("ended", error.what)
-                raise
+                off_workspace = loop.tick == 0 and isinstance(error.__cause__, DomainError)
+                ended, failure = _reason(error), _cannot_start(error) if off_workspace else error
+            notes = (*loop.limiter.describe().splitlines(), *robot.dropped())
+            for note in notes:
+                recorder.event("note", note, at=loop.stamp)
+            if ended:
+                recorder.event("ended", ended, at=loop.stamp)
+            if failure is not None:
+                for note in notes:
+                    failure.add_note(note)
+                raise failure
     finally:
         gc.unfreeze()
-    if ended:
-        recorder.event("ended", ended)
     # s; a run without a step took 0.
     took = 1e-9 * np.array(loop.took or [0])
-    return LiveRun(loop.tick, loop.missed, ended, float(np.median(took)), float(np.max(took)))
+    return LiveRun(loop.tick, loop.missed, ended, float(np.median(took)), float(np.max(took)), notes)
+
+
+def _reason(error: HapticevalError) -> str:
+    """Return why a run ended, in one line."""
+    return f"{error.what}: {error.why}" if error.why else error.what
+
+
+def _cannot_start(error: HapticevalError) -> HapticevalError:
+    """Return the error of a first pose that is outside already: nothing was felt, so it is no end of a run."""
+    return HapticevalError(
+        "the run cannot start where the robot is",
+        why=_reason(error),
+        todo="move the robot; if it is not there, see the wiring: offsets, directions, counts a turn",
+    )
 
 
 class _Loop:
     """One cycle after the other of a live run: what each needs, and what it leaves to the next."""
 
-    def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder) -> None:
+    def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder, *, refusing: bool) -> None:
         self.wiring, self.renderer, self.scene, self.recorder = wiring, renderer, scene, recorder
         self.kinematics = Kinematics(wiring.device)
+        self.limiter = Limiter(wiring, scene.sampling_time, refusing=refusing)
+        self.watchdog = Watchdog(wiring, self.kinematics)
         self.rates = Rates(wiring.device.dimension)
         self.tick = self.missed = 0
         self.last = 0
+        self.stamp: int | None = None
+        """ns, of the hardware's clock, which need not be this computer's."""
         self.took = array("q")
         """Nanoseconds of each step."""
 
@@ -157,19 +188,24 @@ class _Loop:
         if late:
             self.recorder.missed(late)
             self.missed += late
-        self.last = sequence
+        self.last, self.stamp = sequence, stamp
         joints = self.wiring.joints(raw)
-        self.kinematics.check(joints)
+        self.watchdog.check_joints(joints)
         # Joint velocities over the time that has really passed, missed cycles included.
         rates = self.rates.after(dt * (late + 1), joints)
         hip, velocity = self.kinematics.hand(joints, rates)
+        self.watchdog.check_hand(hip, dt * (late + 1))
         if self.tick == 0:
             reset_checked(self.renderer, hip)
         ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt, may_refuse=self.tick == 0)
-        # tau = J^T F of (2.8), with what the inner loop adds.
-        torque = scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
+
+        def torque_of(force: Array) -> Array:
+            """Return tau = J^T F of (2.8), with what the inner loop adds."""
+            return scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
+
+        sent = self.limiter.limit(force, torque_of, resumed=self.tick == 0 or late > RESUMED_AFTER)
         # Written before recording: the hand waits for the force and not for the row.
-        write(self.wiring.commands(torque))
-        self.recorder.append(hip, velocity, ihip, force, joints, torque, raw, at=stamp)
+        write(self.wiring.commands(sent.torque))
+        self.recorder.append(hip, velocity, ihip, force, sent.force, joints, sent.commanded, sent.torque, raw, at=stamp)
         self.tick += 1
         self.took.append(time.perf_counter_ns() - begun)

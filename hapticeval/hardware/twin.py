@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from hapticeval.devices.integration import default_method
-from hapticeval.devices.parallelogram import MOTOR_TORQUE
 from hapticeval.effects.actuators import Delay, JointFriction, Saturation
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import HapticevalError
@@ -110,9 +109,10 @@ class Twin:
 def demonstration(wiring: Wiring, scene: Scene) -> Twin:
     """Return the simulated robot with this wiring, and a hand that slides to and fro on the scene's model.
 
-    It begins where the surface is nearest to a point 100 mm right of home.
+    Its motors give what the wiring's `torque_limit` says. It begins where the surface is nearest to a point 100 mm
+    right of home.
     """
-    effects = (Saturation(MOTOR_TORQUE), Delay(MOTOR_DELAY), JointFriction(COULOMB_FRICTION))
+    effects = (Saturation(max(wiring.torque_limit)), Delay(MOTOR_DELAY), JointFriction(COULOMB_FRICTION))
     path = _to_and_fro(scene.model.boundary)
     hand = Hand(path=path, stiffness=HAND_GRIP[0], damping=HAND_GRIP[1])
     return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)

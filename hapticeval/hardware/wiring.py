@@ -15,13 +15,32 @@ import numpy as np
 
 from hapticeval.devices.catalogue import make_device, parameters_of
 from hapticeval.devices.device import Device, checked_joints
+from hapticeval.devices.parallelogram import MOTOR_TORQUE
 from hapticeval.documents import read_toml
 from hapticeval.effects.sensors import low_pass_share
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 
-WIRING_ENTRIES = ("counts_per_turn", "offsets", "directions", "torque_per_command")
+WIRING_ENTRIES = (
+    "counts_per_turn", "offsets", "directions", "torque_per_command",
+    "torque_limit", "force_limit", "soft_start", "speed_limit", "silent_cycles",
+)  # fmt: skip
 """Entries of a `[device]` table that are the wiring's; the others but `kind` are the device's."""
+
+FORCE_LIMIT = 10.0
+"""N at the hand, *chosen*: what a finger holds for a while (a fingertip presses with 30 to 50 N at most), and more than
+the 1.2 N that the thesis's motors give in any direction at the robot's home."""
+
+SOFT_START = 0.5
+"""s, *chosen*: three times as long as it takes to feel a force and to give way to it."""
+
+SPEED_LIMIT = 5.0
+"""m/s at the hand, *chosen*: above the 3.8 m/s at which the robot's damping holds the printed motors' peak torque (b̂ =
+0.28 kg/s upwards, 1.06 N), and above the 2 to 3 m/s of a fast reach of an arm."""
+
+SILENT_CYCLES = 100
+"""Cycles, *chosen*: 0.1 s at 1 kHz. Ordinary systems hold up a program by some 10 ms; a hand of 0.2 m/s moves 20 mm."""
+LEAST_SILENT_CYCLES = 4
 
 VELOCITY_CUTOFF = 100.0
 """Hz of the low-pass of joint velocities: a count per tick of the robot's encoders is 24 mrad/s before it, 11 after."""
@@ -38,6 +57,15 @@ class Wiring:
       torque.
     - `torque_per_command`: what one unit of command gives (N m), 1 where commands are torques.
 
+    And what keeps hand and motors from harm, see `hapticeval.hardware.safety`:
+
+    - `torque_limit`: (N,), N m, of each motor, or one of all. Unless a user states the motors' own it is the peak that
+      thesis A.1 prints, 0.368 N m, whose unit is doubtful; of a device that slides it is `force_limit`.
+    - `force_limit`: N at the hand.
+    - `soft_start`: s over which the force grows where a run begins in contact; 0 for none.
+    - `speed_limit`: m/s; a hand that is faster from one reading to the next was misread.
+    - `silent_cycles`: cycles without a reading after which the run ends.
+
     Raises `InputError` for an entry that does not fit the device or is not finite.
     """
 
@@ -46,15 +74,32 @@ class Wiring:
     offsets: tuple[float, ...] = ()
     directions: tuple[int, ...] = ()
     torque_per_command: float = 1.0
+    torque_limit: tuple[float, ...] = ()
+    force_limit: float = FORCE_LIMIT
+    soft_start: float = SOFT_START
+    speed_limit: float = SPEED_LIMIT
+    silent_cycles: int = SILENT_CYCLES
 
     def __post_init__(self) -> None:
-        for name, default in (("offsets", 0.0), ("directions", 1)):
+        if _number(self.torque_limit):
+            object.__setattr__(self, "torque_limit", (self.torque_limit,) * self.device.dimension)
+        motor = MOTOR_TORQUE if self.device.turning else self.force_limit
+        for name, default in (("offsets", 0.0), ("directions", 1), ("torque_limit", motor)):
             object.__setattr__(self, name, self._of_each_joint(name, default))
         if set(self.directions) - {1, -1}:
             raise InputError(f"wiring: directions = {self.directions!r}", todo="give 1 or -1 for each joint")
-        for name, value in (("counts_per_turn", self.counts_per_turn), ("torque_per_command", self.torque_per_command)):
+        for name in ("counts_per_turn", "torque_per_command", "force_limit", "speed_limit", "silent_cycles"):
+            value = getattr(self, name)
             if value is not None and not (_number(value) and value > 0.0):
                 raise InputError(f"wiring: {name} = {value!r}", why="it must be a number, finite and positive")
+        if self.silent_cycles < LEAST_SILENT_CYCLES:
+            raise InputError(
+                f"wiring: silent_cycles = {self.silent_cycles!r}", why=f"fewer than {LEAST_SILENT_CYCLES} are ordinary"
+            )
+        if not min(self.torque_limit) > 0.0:
+            raise InputError(f"wiring: torque_limit = {self.torque_limit!r}", why="each must be positive")
+        if not (_number(self.soft_start) and self.soft_start >= 0.0):
+            raise InputError(f"wiring: soft_start = {self.soft_start!r}", why="it must be seconds, 0 or more")
 
     def _of_each_joint(self, name: str, default: float) -> tuple[float, ...]:
         """Return entry `name` as one finite number a joint, `default` where none is given."""
@@ -93,6 +138,8 @@ class Wiring:
             "offsets": list(self.offsets),
             "directions": list(self.directions),
             "torque_per_command": self.torque_per_command,
+            "torque_limit": list(self.torque_limit),
+            **{name: getattr(self, name) for name in ("force_limit", "soft_start", "speed_limit", "silent_cycles")},
             **{name: str(value) if isinstance(value, str) else value for name, value in known.items()},
         }
 
@@ -177,6 +224,10 @@ class Kinematics:
         # Fills hip, velocity and the Jacobian, in the order of the kernels' signature.
         self._run(self._parameters, joints, rates, hip, velocity, self._jacobian, self._drift)
         return hip, velocity
+
+    def reach(self) -> float:
+        """Return how far a radian in every joint moves the hand at the pose of the last `hand`, m, at the most."""
+        return float(np.sum(np.linalg.norm(self._jacobian, axis=0)))
 
     def force(self, joints: Array, torques: Array) -> Array:
         """Return the force at the hand (N,), N, that joint torques (N,), N m, put there at rest: τ = Jᵀ F (2.8)."""

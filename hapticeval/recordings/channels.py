@@ -46,6 +46,9 @@ CHANNELS: Mapping[str, Signal] = MappingProxyType(
         "joint_position": Signal("rad", "joint angles of the device", "joint"),
         "joint_velocity": Signal("rad/s", "joint velocities of the device", "joint"),
         "joint_torque": Signal("N m", "torque that the motors really give, held from this sample to the next", "joint"),
+        # What limits keep from motors and hand: `force` is the renderer's, and as large as it asked for.
+        "commanded_torque": Signal("N m", "torque that the inner loop makes of `force`, before limits", "joint"),
+        "sent_force": Signal("N", "force on the hand that `joint_torque` stands for, after limits", "world"),
     }
 )
 """The channels that checks, adapters and plots know, with unit, meaning and frame, which no file may change."""

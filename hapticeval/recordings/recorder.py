@@ -64,6 +64,10 @@ LOOK_ROWS = 256
 """Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
 
 
+MOST_MISSED = 2**62
+"""Cycles that a recorder can number: 146 million years at 1 kHz."""
+
+
 class Counters(ctypes.Structure):
     """What stands at the front of the memory: each is written by one of the two processes only, so no lock is needed.
 
@@ -406,7 +410,8 @@ class Recorder:
 
     def missed(self, cycles: int) -> None:
         """Count cycles that the loop left out since the last row."""
-        if cycles < 0:
+        # The counters are of 64 bits: beyond them a count turns negative without a word.
+        if not 0 <= cycles <= MOST_MISSED - self._sequence:
             raise InputError(f"{cycles} cycles cannot have been missed")
         self._counters.missed += int(cycles)
         self._sequence += cycles

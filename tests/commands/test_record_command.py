@@ -141,6 +141,7 @@ counts_per_turn = 262144
 offsets = [1210, -340]
 directions = [1, -1]
 torque_per_command = 0.35
+silent_cycles = 60000
 l1 = 0.31
 """
 
@@ -148,15 +149,16 @@ WIRED = f"""
 [device]
 kind = "parallelogram-2dof"
 counts_per_turn = {ENCODER_COUNTS}
+silent_cycles = 60000
 """
-"""As the twin is wired."""
+"""As the twin is wired, with patience for a busy machine."""
 
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """A folder with drivers and a wiring; nothing is taken to be gone because the machine is busy."""
     monkeypatch.chdir(tmp_path)
-    for module, name in ((device, "CYCLE_PATIENCE"), (udp, "SILENCE_SECONDS"), (udp, "UNHEARD_SECONDS")):
+    for module, name in ((device, "FIRST_PATIENCE"), (udp, "SILENCE_SECONDS"), (udp, "UNHEARD_SECONDS")):
         monkeypatch.setattr(module, name, 60.0)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)
@@ -191,7 +193,10 @@ def test_the_twin_is_recorded(here, capsys, pace):
     assert len(run) + missed >= 290
     assert pace or (len(run), missed) == (300, 0)
     assert np.any(run.force != 0.0)
-    assert {"hip", "velocity", "ihip", "force", "joint_position", "joint_torque", "raw"} == set(run.channels)
+    assert set(run.channels) == {
+        "hip", "velocity", "ihip", "force", "sent_force",
+        "joint_position", "commanded_torque", "joint_torque", "raw",
+    }  # fmt: skip
     assert (run.meta["who"], run.meta["device"], run.meta["device_parameters"]["hardware"]) == (
         "Ann", "parallelogram-2dof", "twin",
     )  # fmt: skip
@@ -345,7 +350,8 @@ def test_a_unit_that_is_wrong_points_to_the_wiring(here, capsys):
     assert "mapping" not in said
 
 
-def test_a_socket_with_nobody_behind_it(here, capsys):
+def test_a_socket_with_nobody_behind_it(here, capsys, monkeypatch):
+    monkeypatch.setattr(udp, "SILENCE_SECONDS", 0.1)
     assert driven("udp://127.0.0.1:9") == 2
     assert "is silent" in capsys.readouterr().err
     assert not {"run.h5", "run.journal"} & names(here)
@@ -374,7 +380,7 @@ def test_why_cycles_were_missed(median, longest, words):
 
 def test_a_slow_renderer_is_seen_from_its_steps(here, capsys):
     """It takes at least 3 ms a step, and the twin goes on each millisecond."""
-    assert record("--device", "twin", "--real-time", "-r", "mycard:slow", seconds="0.3") == 1
+    assert driven("twin", "--real-time", "-r", "mycard:slow", seconds="0.3") == 1
     said = capsys.readouterr().out
     assert "cycles missed" in said
     assert "what to do: a --rate below 1000, or a faster renderer" in said

@@ -22,9 +22,14 @@ RENDERER = "minimum-distance+pp-pd"
 REAL = {"torque_limit": MOTOR_TORQUE, "delay": MOTOR_DELAY, "friction": COULOMB_FRICTION}
 
 
+UNLIMITED = {"torque_limit": 1e3, "force_limit": 1e3, "soft_start": 0.0}
+PATIENCE = 60.0
+
+
 def wired(dimension=2, **wiring):
-    """A parallelogram robot with its own encoders, wired as given."""
-    return Wiring(device=make_device(f"parallelogram-{dimension}dof"), counts_per_turn=ENCODER_COUNTS, **wiring)
+    """A parallelogram robot with its own encoders, wired as given, whose limits take nothing away unless given."""
+    device = make_device(f"parallelogram-{dimension}dof")
+    return Wiring(device=device, counts_per_turn=ENCODER_COUNTS, **{**UNLIMITED, **wiring})
 
 
 def scene_of(wiring, **scene):
@@ -72,5 +77,5 @@ def recorded(folder, hardware, wiring, *, cycles, scene=None, renderer=RENDERER,
     made = resolve(renderer)(scene) if isinstance(renderer, str) else renderer
     told = meta_of(wiring, scene, renderer if isinstance(renderer, str) else "")
     with Recorder(journal, channels(wiring.device.dimension), signals=signals(wiring), meta=told) as recorder:
-        live = run(lambda: hardware, wiring, made, scene, recorder, cycles=cycles)
+        live = run(lambda: hardware, wiring, made, scene, recorder, cycles=cycles, patience=PATIENCE)
     return live, recover(journal)

@@ -24,6 +24,9 @@ pytestmark = pytest.mark.system
 
 CYCLES, KILLED = 1500, 700
 
+WIRED = '[device]\nkind = "parallelogram-2dof"\ncounts_per_turn = 262144\n'
+"""As the twin is wired."""
+
 DOOMED = f"""
 import os, signal, sys
 from pathlib import Path
@@ -123,7 +126,8 @@ def test_a_killed_run_is_the_run_up_to_there(tmp_path):
 def test_the_command_killed_in_the_middle(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     journal = tmp_path / "run.journal"
-    pace = ["--device", "twin", "--real-time", "--seconds", "600"]
+    (tmp_path / "patient.toml").write_text(f"{WIRED}silent_cycles = 60000\n")
+    pace = ["--device", "twin", "--real-time", "--wiring", "patient.toml", "--seconds", "600"]
     command = [sys.executable, "-m", "hapticeval", "record", *pace, "-o", "run.h5"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         until(lambda: journal.exists() and journal.stat().st_size > 60_000, process)

@@ -9,11 +9,11 @@ import time
 
 import numpy as np
 import pytest
-from robots import scene_of, twin_of, wired
+from robots import PATIENCE, scene_of, twin_of, wired
 
 from hapticeval.errors import DomainError, HapticevalError, RefusalError, RendererError
 from hapticeval.hardware import device as guard
-from hapticeval.hardware.device import HardwareDevice, Reading
+from hapticeval.hardware.device import ZEROS, HardwareDevice, Reading
 from hapticeval.hardware.live import channels, run, signals
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder
@@ -67,7 +67,10 @@ def live(tmp_path, driver, renderer=None, cycles=100):
     given = None
     with Recorder(tmp_path / "run.journal", channels(2), signals=signals(wiring)) as recorder:
         try:
-            given = run(lambda: driver, wiring, renderer or Pushing(), scene_of(wiring), recorder, cycles=cycles)
+            scene = scene_of(wiring)
+            given = run(
+                lambda: driver, wiring, renderer or Pushing(), scene, recorder, cycles=cycles, patience=PATIENCE
+            )
         except HapticevalError as error:
             given = error
         summary = recorder.close()
@@ -82,7 +85,7 @@ def raising(error):
 
 
 def assert_at_rest(driver):
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
+    np.testing.assert_array_equal(driver.commands[-ZEROS:], np.zeros((ZEROS, 2)))
     assert driver.closed == 1
 
 
@@ -94,27 +97,28 @@ def test_the_motors_rest_at_the_end(tmp_path):
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert (done.cycles, done.missed, done.ended, len(recording)) == (100, 0, "", 100)
-    assert np.any(driver.commands[-2] != 0.0)
+    assert np.any(driver.commands[-ZEROS - 1] != 0.0)
     assert_at_rest(driver)
 
 
 @pytest.mark.parametrize(
-    "trick",
+    ("trick", "code"),
     [
-        raising(OSError("unplugged")),
-        lambda reading: None,
-        lambda reading: reading._replace(raw=np.array([1.0, np.nan])),
-        lambda reading: reading._replace(raw=np.zeros(3)),
-        lambda reading: reading._replace(raw="counts"),
-        lambda reading: reading._replace(sequence=7),
+        (raising(OSError("unplugged")), 2),
+        (lambda reading: None, 2),
+        (lambda reading: reading._replace(raw=np.array([1.0, np.nan])), 3),
+        (lambda reading: reading._replace(raw=np.zeros(3)), 2),
+        (lambda reading: reading._replace(raw="counts"), 2),
+        (lambda reading: reading._replace(raw=[*reading.raw[:1] + 4000.0, *reading.raw[1:]]), 3),
+        (lambda reading: reading._replace(raw=[*reading.raw[:1] + 100_000.0, *reading.raw[1:]]), 3),
     ],
-    ids=["raises", "nothing", "no number", "joints", "text", "count"],
+    ids=["raises", "nothing", "no number", "joints", "text", "jump", "off the workspace"],
 )
-def test_a_driver_that_breaks_is_named_with_its_cycle(refused, tmp_path, trick):
+def test_a_driver_that_breaks_is_named_with_its_cycle(refused, tmp_path, trick, code):
     driver = Driver(trick)
     error, recording = live(tmp_path, driver)
     assert isinstance(error, HapticevalError)
-    assert error.exit_code == 2
+    assert error.exit_code == code
     with refused(HapticevalError):
         raise error
     assert_at_rest(driver)
@@ -125,13 +129,13 @@ def test_a_driver_that_breaks_is_named_with_its_cycle(refused, tmp_path, trick):
 @pytest.fixture
 def patience(monkeypatch):
     """So much of it that only what hangs is ever broken off, however slow the machine is."""
-    monkeypatch.setattr(guard, "CYCLE_PATIENCE", 60.0)
+    monkeypatch.setattr(guard, "FIRST_PATIENCE", PATIENCE)
 
 
 def hang(*_):
     """Wait for longer than the guard does, whose time then passes quickly."""
     left, again = signal.getitimer(signal.ITIMER_REAL)
-    assert 0.0 < left <= again == guard.CYCLE_PATIENCE
+    assert 0.0 < left <= again == PATIENCE
     signal.setitimer(signal.ITIMER_REAL, 0.01, again)
     time.sleep(600.0)
 
@@ -214,14 +218,6 @@ def test_a_robot_that_stands_outside_cannot_start(tmp_path):
     assert recording is None
 
 
-def test_ctrl_c_ends_the_run_and_keeps_it(tmp_path):
-    driver = Driver(lambda reading: os.kill(os.getpid(), signal.SIGINT) or reading)
-    done, recording = live(tmp_path, driver)
-    assert done.ended == "interrupted by the user"
-    assert AT - 1 <= len(recording) <= AT
-    assert_at_rest(driver)
-
-
 def test_cycles_that_the_loop_missed_are_counted_and_end_it_in_time(tmp_path):
     class Skipping(Driver):
         def read(self):
@@ -237,3 +233,23 @@ def test_cycles_that_the_loop_missed_are_counted_and_end_it_in_time(tmp_path):
     # The velocity is the one over the time that passed: it does not double where a cycle is missing.
     speed = np.linalg.norm(recording.velocity, axis=1)
     assert np.max(np.abs(np.diff(speed))[1:]) < 0.2 * np.max(speed)
+
+
+@pytest.mark.parametrize("count", [7, 2**64 - 192], ids=["late", "far ahead"])
+def test_a_count_that_cannot_be_is_dropped(tmp_path, count):
+    done, recording = live(tmp_path, Driver(lambda reading: reading._replace(sequence=count)))
+    assert (done.cycles, done.missed, len(recording)) == (99, 1, 99)
+    assert len(done.notes) == 1
+    assert done.notes[0].startswith("1 readings dropped: ")
+    assert [event.text for event in recording.events if event.kind == "note"] == list(done.notes)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_asks_the_program_to_end_stops_the_motors_first(tmp_path, number):
+    before = signal.getsignal(number)
+    driver = Driver(lambda reading: os.kill(os.getpid(), number) or reading)
+    done, _ = live(tmp_path, driver)
+    assert done.ended == "interrupted by the user"
+    assert AT - 1 <= done.cycles <= AT
+    assert_at_rest(driver)
+    assert signal.getsignal(number) is before

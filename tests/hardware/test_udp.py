@@ -70,33 +70,74 @@ def test_the_newest_reading_counts(robot):
     device.close()
 
 
+def test_of_readings_out_of_order_the_highest_counts(robot):
+    device, loop = greeted(robot)
+    for count in (3, 4, 4, 2):
+        robot.sendto(READING.pack(READ_PACKET, count, count, count, 0.0, 0.0), loop)
+    assert device.read().sequence == 4
+    assert device.dropped == {"late or repeated": 2}
+    device.close()
+
+
 @pytest.mark.parametrize(
     "packet",
     [
         b"",
         b"HCRD",
         b"hello",
-        READING.pack(READ_PACKET, 1, 1, 0.0, 0.0, 0.0) + b".",
-        STOPPED_PACKET + b"emergency stop",
-        None,
+        READING.pack(READ_PACKET, 2, 2, 0.0, 0.0, 0.0) + b".",
+        READING.pack(b"HCR2", 2, 2, 0.0, 0.0, 0.0),
+        READING.pack(READ_PACKET, BYE, 2, 0.0, 0.0, 0.0),
+        READING.pack(READ_PACKET, HELLO, 2, 0.0, 0.0, 0.0),
     ],
+    ids=["empty", "short", "text", "long", "version", "counts as good-bye", "counts as greeting"],
 )
-def test_what_is_no_reading_is_refused(refused, robot, monkeypatch, packet):
-    monkeypatch.setattr(udp, "SILENCE_SECONDS", 0.05 if packet is None else 60.0)
+def test_what_is_no_reading_is_dropped_and_named(refused, robot, monkeypatch, packet):
     device, loop = greeted(robot)
-    if packet is not None:
-        robot.sendto(packet, loop)
+    robot.sendto(packet, loop)
+    robot.sendto(READING.pack(READ_PACKET, 1, 1, 0.0, 0.0, 0.0), loop)
+    assert device.read().sequence == 1
+    robot.sendto(packet, loop)
+    monkeypatch.setattr(udp, "SILENCE_SECONDS", 0.05)
+    monkeypatch.setattr(device, "address", ("127.0.0.1", 5005))
     with refused(HapticevalError):
         device.read()
     device.close()
 
 
-def test_an_address_without_a_robot_is_refused(refused, robot):
-    device = UdpDevice(robot.getsockname(), 2)
-    robot.close()
+def test_what_others_send_is_dropped_and_named(robot):
+    device, loop = greeted(robot)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        for port in range(2 * udp.MOST_REASONS):
+            other.sendto(READING.pack(READ_PACKET, 9, 9, 9.0, 9.0, 9.0), loop)
+            other.sendto(STOPPED_PACKET + bytes([port]), loop)
+        robot.sendto(READING.pack(READ_PACKET, 1, 1, 0.0, 0.0, 0.0), loop)
+        assert device.read().sequence == 1
+        _, port = other.getsockname()
+        assert device.dropped == {f"from another sender, 127.0.0.1:{port}": 4 * udp.MOST_REASONS}
+    device.close()
+
+
+def test_of_many_reasons_few_are_kept(robot):
+    device, loop = greeted(robot)
+    for size in range(2 * udp.MOST_REASONS):
+        robot.sendto(bytes(size), loop)
+    robot.sendto(READING.pack(READ_PACKET, 1, 1, 0.0, 0.0, 0.0), loop)
+    assert device.read().sequence == 1
+    assert len(device.dropped) == udp.MOST_REASONS + 1
+    assert sum(device.dropped.values()) == 2 * udp.MOST_REASONS
+    device.close()
+
+
+def test_a_robot_that_stopped_says_why(refused, robot):
+    device, loop = greeted(robot)
+    robot.sendto(STOPPED_PACKET + b"emergency stop", loop)
     with refused(HapticevalError):
         device.read()
     device.close()
+
+
+def test_an_address_that_is_none_is_refused():
     for address in (("no.such.host.invalid", 5005), ("127.0.0.1", 99_999)):
         with pytest.raises(HapticevalError):  # in the words of the system
             UdpDevice(address, 2)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.devices.catalogue import make_device
+from hapticeval.devices.parallelogram import MOTOR_TORQUE
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.hardware.wiring import Wiring, read_wiring
 
@@ -26,6 +27,7 @@ def wirings(draw, counts=True):
         offsets=tuple(draw(st.lists(OFFSETS if counts else st.floats(-3.0, 3.0), **each))),
         directions=tuple(draw(st.lists(st.sampled_from((1, -1)), **each))),
         torque_per_command=draw(st.floats(1e-3, 1e3)),
+        torque_limit=draw(st.floats(0.1, 10.0)),
     )
 
 
@@ -62,6 +64,14 @@ def test_a_direction_turns_encoder_and_motor_alike():
     np.testing.assert_array_equal(turned.torques(command), [1.0, -2.0])
 
 
+def test_limits_are_those_of_the_print_unless_a_user_states_others():
+    robot, mass = ({"kind": "parallelogram-3dof"}, {"kind": "point-mass", "mass": 0.1, "force_limit": 4.0})
+    assert Wiring.described(robot).torque_limit == (MOTOR_TORQUE,) * 3
+    assert Wiring.described({**robot, "torque_limit": 1.5}).torque_limit == (1.5,) * 3
+    assert Wiring.described({**robot, "torque_limit": [1.5, 1.0, 2.0]}).torque_limit == (1.5, 1.0, 2.0)
+    assert Wiring.described(mass).torque_limit == (4.0, 4.0)
+
+
 def test_parameters_of_the_device_are_overridden():
     wiring = Wiring.described({"kind": "parallelogram-2dof", "l1": 0.31, "counts_per_turn": 4096})
     assert (wiring.device.constants.l1, wiring.device.constants.l4, wiring.counts_per_turn) == (0.31, 0.346, 4096)
@@ -79,6 +89,12 @@ def test_parameters_of_the_device_are_overridden():
         ({"kind": "parallelogram-2dof", "counts_per_turn": 0}, InputError),
         ({"kind": "parallelogram-2dof", "counts_per_turn": "many"}, InputError),
         ({"kind": "parallelogram-2dof", "torque_per_command": -1.0}, InputError),
+        ({"kind": "parallelogram-2dof", "torque_limit": [0.3, 0.0]}, InputError),
+        ({"kind": "parallelogram-2dof", "torque_limit": [0.3]}, InputError),
+        ({"kind": "parallelogram-2dof", "force_limit": 0}, InputError),
+        ({"kind": "parallelogram-2dof", "soft_start": -0.1}, InputError),
+        ({"kind": "parallelogram-2dof", "speed_limit": math.inf}, InputError),
+        ({"kind": "parallelogram-2dof", "silent_cycles": 3}, InputError),
     ],
 )
 def test_a_table_that_does_not_fit_says_so(refused, table, error):

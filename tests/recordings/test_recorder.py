@@ -304,6 +304,9 @@ def test_values_that_do_not_fit_are_refused_and_reach_no_other_row(refused, tmp_
         recorder.append((9.0, -9.0), [7.0] * 500)
     feed(recorder, 1, len(MISFITS))
     recorder.missed(4)
+    for impossible in (-1, 2**64 - 191):
+        with pytest.raises(InputError, match="cannot have been missed"):
+            recorder.missed(impossible)
     os.kill(recorder.writer, signal.SIGCONT)
     summary = recorder.close()
     assert (summary.rows, summary.missed) == (len(MISFITS) + 1, 4)

@@ -149,9 +149,11 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
 def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
     """Check the joint torques against J^T F (2.8), F being the force on the hand, at `rows` (n,); residual in N m.
 
-    A loop that adds the device's own dynamics (2.11) has more torque than that, which is an issue too.
+    Where limits were between a renderer and the motors, F is what they left. A loop that adds the device's own dynamics
+    (2.11) has more torque than that, which is an issue too.
     """
-    force, torque = recording.force[rows], recording.channels["joint_torque"][rows]
+    forces, torque = recording.channels.get("sent_force", recording.force), recording.channels["joint_torque"][rows]
+    force = forces[rows]
     jacobians = np.array([device.jacobian(row) for row in recording.channels["joint_position"][rows]])
     # (2.8): tau - J^T F, row by row, N m.
     residual = torque - np.einsum("nij,ni->nj", jacobians, force)

@@ -169,7 +169,8 @@ SAME_BY_MEANING = (
     {"hip", "ihip", "measured_hip", "joint_position", "raw"},
     {"velocity", "measured_velocity"},
     {"operator_force", "measured_force"},
-    {"joint_torque", "command"},
+    {"joint_torque", "command", "commanded_torque"},
+    {"force", "sent_force"},
 )
 """Channels that may be the same signal: an IHIP may be the HIP, and a sensor exact."""
 
