@@ -1,4 +1,4 @@
-"""The figure of the sphere's two charts along a run, in the manner of thesis Figures 7.6 to 7.8.
+"""The sphere's two charts along a run, in the manner of thesis Figures 7.6 to 7.8.
 
 From the top, with a chart shaded where it is not the active one, and broken lines at the switches:
 
@@ -9,18 +9,28 @@ From the top, with a chart shaded where it is not the active one, and broken lin
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.quantity import plural
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.reports.canvas import DASHED, MM, colour_of, draw_over_time, figure, legend_above, page_svg
+from hapticeval.reports.canvas import MM
+from hapticeval.reports.chart import Axis, Chart, Curve, Rule
+from hapticeval.types import Array
 
 FIGURE_JOINT = 1
 """The joint of Figure 7.8: the second."""
 
 TORQUE_ROUNDING = 1e-9
 """Torques this share of the largest apart are the same: rounding makes less."""
+
+CHART_HEIGHT = 170
+"""Pixels of each chart on a page."""
+
+DASHES = (6, 2)
+"""Lengths of line and gap of the second curve of each."""
 
 CHART_CHANNELS = ("chart", "eta1", "eta2", "torque1", "torque2")
 """What set stabilisation by an atlas records: the active chart, and coordinates and torques by either chart."""
@@ -58,40 +68,65 @@ def charts_words(recording: Recording) -> str:
     return " ".join(words)
 
 
-def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) -> str:
-    """Return the figure as an SVG element for a page, from the signals that set stabilisation by an atlas records."""
+def atlas_charts(recording: Recording, model: Model) -> list[Chart]:
+    """Return the charts of the signals that set stabilisation by an atlas records, from the top."""
     time, chart = recording.time, recording.channels["chart"]
     frame = model.boundary.closest_point(recording.hip)
     # xi_2, the derivative of the distance: the velocity's part along the outward normal.
     rate = np.sum(recording.velocity * frame.normal, axis=1)
-    with figure(7.0, 8.0, page=True) as fig:
-        distance, first, second, torques = fig.subplots(4, 1, sharex=True)
-        fig.subplots_adjust(left=0.12, right=0.89, top=0.97, bottom=0.07, hspace=0.34)
-        draw_over_time(distance, recording, MM * frame.distance, "hip", label="ξ₁, distance")
-        distance.set_ylabel("distance (mm)")
-        rate_axes = distance.twinx()
-        draw_over_time(rate_axes, recording, MM * rate, "ihip", label="ξ₂, its rate", linestyle=DASHED)
-        rate_axes.set_ylabel("rate (mm/s)")
-        for number, axes in enumerate((first, second), start=1):
-            eta = np.degrees(recording.channels[f"eta{number}"])
-            draw_over_time(axes, recording, eta[:, 0], "one", label="t̂₁, around the axis")
-            draw_over_time(axes, recording, eta[:, 2], "two", label="t̂₂, from the axis", linestyle=DASHED)
-            axes.set(ylabel=f"chart {number} (°)", yticks=[-180, -90, 0, 90, 180])
-            # Shade the stretches in which the other chart is at work.
-            for begin, end in runs_of(chart != number):
-                axes.axvspan(time[begin], time[min(end, time.size - 1)], color=colour_of("model"), zorder=0)
-        for number, role, style in ((1, "hip", "-"), (2, "ihip", DASHED)):
-            torque = recording.channels[f"torque{number}"][:, FIGURE_JOINT]
-            draw_over_time(torques, recording, torque, role, label=f"by chart {number}", linestyle=style)
-        torques.set(ylabel=f"torque {FIGURE_JOINT + 1} (N m)", xlabel="time (s)", xlim=(time[0], time[-1]))
-        # What the motors really gave and a margin: a chart that spikes beside its own singularity is cut off.
-        motor_torque = recording.channels["joint_torque"][:, FIGURE_JOINT]
-        pad = 0.25 * max(np.ptp(motor_torque), 1e-3)
-        torques.set_ylim(motor_torque.min() - pad, motor_torque.max() + pad)
-        legend_above(distance, rate_axes)
-        for axes in (first, second, torques):
-            legend_above(axes)
-        for axes in (distance, first, second, torques):
-            for switch in time[1:][np.diff(chart) != 0.0]:
-                axes.axvline(switch, color=colour_of("quiet"), linewidth=0.8, linestyle=(0, (3, 2)), zorder=1)
-        return page_svg(fig, prefix=prefix, title=title)
+    switches = [Rule(x=float(switch), role="quiet", dash=(3, 2)) for switch in time[1:][np.diff(chart) != 0.0]]
+    across = Axis(label="time (s)", tight=True)
+
+    def curve(values: Array, role: str, label: str, **style: Any) -> Curve:
+        return Curve(x=time, y=values, role=role, label=label, **style)
+
+    distance = Chart(
+        title="distance from the surface and its rate",
+        x=across,
+        y=Axis(label="distance (mm)"),
+        right=Axis(label="rate (mm/s)"),
+        curves=[
+            curve(MM * frame.distance, "hip", "ξ₁, distance"),
+            curve(MM * rate, "ihip", "ξ₂, its rate", dash=DASHES, right=True),
+        ],
+        rules=switches,
+        height=CHART_HEIGHT,
+    )
+    coordinates = []
+    for number in (1, 2):
+        eta = np.degrees(recording.channels[f"eta{number}"])
+        curves = [
+            curve(eta[:, 0], "one", "t̂₁, around the axis"),
+            curve(eta[:, 2], "two", "t̂₂, from the axis", dash=DASHES),
+        ]
+        # Shaded where the other chart is at work.
+        shades = [(float(time[begin]), float(time[min(end, time.size - 1)])) for begin, end in runs_of(chart != number)]
+        coordinates.append(
+            Chart(
+                title=f"coordinates of chart {number}",
+                x=across,
+                y=Axis(label=f"chart {number} (°)", range=(-190.0, 190.0)),
+                curves=curves,
+                rules=switches,
+                shades=shades,
+                height=CHART_HEIGHT,
+            )
+        )
+    # What the motors really gave and a margin: a chart that spikes beside its own singularity is cut off.
+    motor_torque = recording.channels["joint_torque"][:, FIGURE_JOINT]
+    pad = 0.25 * max(np.ptp(motor_torque), 1e-3)
+    torques = Chart(
+        title="torque of the second joint by either chart",
+        x=across,
+        y=Axis(
+            label=f"torque {FIGURE_JOINT + 1} (N m)",
+            range=(float(motor_torque.min() - pad), float(motor_torque.max() + pad)),
+        ),
+        curves=[
+            curve(recording.channels[f"torque{number}"][:, FIGURE_JOINT], role, f"by chart {number}", dash=dash)
+            for number, role, dash in ((1, "hip", ()), (2, "ihip", DASHES))
+        ],
+        rules=switches,
+        height=CHART_HEIGHT,
+    )
+    return [distance, *coordinates, torques]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import continuing_steps
-from hapticeval.reports.canvas import MM
+from hapticeval.reports.canvas import MM, Look
+from hapticeval.reports.chart import script_text
 from hapticeval.reports.plane import Box, filled_part, solid_mesh
 from hapticeval.reports.thinning import DrawnRows, drawn_rows, step_lengths
 from hapticeval.types import Array, BoolArray, IntArray
@@ -33,6 +34,9 @@ IMPACT_SPEED = 0.02
 
 EYE_AXES = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
 """From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
+
+SMALLEST_DISTANCE = 1e-12
+"""Distances (m) below this are rounding errors, and lie on the floor of a logarithmic panel."""
 
 VIEW_RATIO = 3.0
 """An open model, or one far larger than the paths, is drawn this many times as far as they go."""
@@ -220,6 +224,75 @@ def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
     return frame.distance, np.linalg.norm(foot, axis=1)
 
 
+class Term(NamedTuple):
+    """One line of a panel: a `channel` of the track, of it one `column`, or of vectors the length; and its label.
+
+    `is_size`: lengths of vectors, and numbers without their sign.
+    """
+
+    channel: str
+    label: str
+    column: int | None = None
+    is_size: bool = False
+
+    @property
+    def script_name(self) -> str:
+        """The name that the script reads: "force.1" of a column, "|force|" of a size."""
+        if self.is_size:
+            return f"|{self.channel}|"
+        return self.channel if self.column is None else f"{self.channel}.{self.column}"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One plot against time: the label of its axis, and what is drawn of each run; see `Term`.
+
+    Of `terms` the first is drawn of every run, the others where one run is shown alone.
+    """
+
+    label: str
+    terms: tuple[Term, ...]
+    powers: tuple[float, float] | None = None
+    """Of a logarithmic axis, both ends."""
+
+
+def case_panels(tracks: Sequence[Track]) -> list[Panel]:
+    """Return the panels of a case: force, and steps or depth; of a hand that is held on a surface its distance."""
+    panels = []
+    # A run in one dimension, which lies on the second axis: its place says what the plane cannot.
+    if all(track.hip.shape[1] == 2 and not track.hip[:, 0].any() for track in tracks):
+        panels.append(Panel("place (mm)", (Term("hip", "HIP", column=1), Term("ihip", "IHIP", column=1))))
+    widest = max((track.hip.shape[1] for track in tracks), default=2)
+    if any(track.force is not None for track in tracks):
+        parts = tuple(Term("force", f"F{'₁₂₃'[k]}", column=k) for k in range(widest))
+        panels.append(Panel("force (N)", (Term("force", "|F|", is_size=True), *parts)))
+    if any(track.off is not None for track in tracks):
+        panels.append(Panel("off the surface (mm)", (Term("off", "off"),)))
+        panels.append(Panel("the same, size (mm)", (Term("off", "off", is_size=True),), powers=_power_range(tracks)))
+        panels.append(Panel("speed along it (m/s)", (Term("along", "along"),)))
+    # Without an IHIP there is neither depth nor its step: the hand alone is drawn.
+    elif any(track.apart is None for track in tracks) and len(tracks) == 1:
+        panels.append(Panel("HIP step a tick (mm)", (Term("hip_step", "HIP"),)))
+    # On a given path a tool that jumps farther than the hand moves is pop-through.
+    elif all(track.led for track in tracks):
+        panels.append(Panel("step a tick (mm)", (Term("step", "IHIP"), Term("hip_step", "HIP"))))
+    else:
+        panels.append(Panel("depth (mm)", (Term("apart", "depth", is_size=True),)))
+    return panels
+
+
+def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
+    """Return the ends of a logarithmic panel, whole powers of ten in mm.
+
+    The lower is at the median of the run that keeps closest to the surface, the upper above the farthest.
+    """
+    sizes = [np.abs(track.off) for track in tracks if track.off is not None]
+    # m: the best run's median is the floor, so that it is not all below the panel.
+    closest = max(min(float(np.median(size)) for size in sizes), SMALLEST_DISTANCE)
+    worst = max(*(float(size.max()) for size in sizes), 10.0 * SMALLEST_DISTANCE)
+    return float(MM * 10.0 ** np.floor(np.log10(closest))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
+
+
 def floats(values: Array, *, double: bool = False) -> str:
     """Return numbers, row by row, as base64 of little-endian floats of 32 bits, or of 64 where `double`."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8" if double else "<f4").tobytes()).decode("ascii")
@@ -279,10 +352,9 @@ def model_document(model: Model | None, tracks: Sequence[Track]) -> dict[str, An
 def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
     """Return what the model fills round the paths, mm: a closed outline as fine as the penetration depth asks for."""
     view = _view_around_paths(model, tracks)
-    filled = filled_part(model, view)
     # Open, or far larger than the paths: only what the view holds of it.
     if not model.boundary.closed or view[2] - view[0] < MM * model.size:
-        return filled
+        return filled_part(model, view)
     import shapely
 
     depths = [np.linalg.norm(track.apart, axis=1).max(initial=0.0) for track in tracks if track.apart is not None]
@@ -294,7 +366,10 @@ def _outline(model: Model, tracks: Sequence[Track]) -> Geometry:
 
 def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
     """Return the box (mm) that is drawn of a model: round the paths, or the whole if it is not far larger."""
-    points = MM * np.vstack([np.vstack([track.hip, track.ihip]) for track in tracks])
+    paths = [np.vstack([track.hip, track.ihip]) for track in tracks]
+    # Without a path the whole of a closed model is shown.
+    corners = np.reshape(model.boundary.bounds, (2, 2)) if model.boundary.closed else np.zeros((1, 2))
+    points = MM * np.vstack(paths or [corners])
     low, high = points.min(axis=0), points.max(axis=0)
     # mm; at least 1.5 where nothing moves.
     half = 0.5 * VIEW_RATIO * max(float(np.ptp(points, axis=0).max()), 1.0)
@@ -306,3 +381,54 @@ def _view_around_paths(model: Model, tracks: Sequence[Track]) -> Box:
         if np.all(np.abs(bounds - np.tile(middle, 2)) < 3.0 * half):
             low, high = np.minimum(low, bounds[:2]), np.maximum(high, bounds[2:])
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place to be ringed: the place of its run among the tracks, the time (s), and what is written at it."""
+
+    run: int
+    time: float
+    number: str = ""
+
+
+def case_text(
+    title: str,
+    tracks: Sequence[Track],
+    model: Model | None,
+    looks: Mapping[str, Look],
+    *,
+    numbers: Mapping[str, int] | None = None,
+    crosses: Mapping[str, Sequence[float]] | None = None,
+    marks: Sequence[Mark] = (),
+    time: float | None = None,
+) -> str:
+    """Return what the script of a page reads of a case, as JSON.
+
+    - `title`: what a screen reader says of the picture; `looks`: by renderer
+    - `numbers`: the number by which the page calls a renderer's run; `crosses`: points (m) where one refuses the model
+    - `marks`, `time` (s): what a picture that nobody moves shows; of the page of a case its verdicts say so
+    """
+    document = tracks_document(tracks)
+    for run in document["runs"]:
+        look = looks[run["name"]]
+        run |= {
+            "role": look.role,
+            "dash": look.dash,
+            "shape": look.shape,
+            "number": (numbers or {}).get(run["name"], 0),
+        }
+    panels = [
+        {"label": panel.label, "terms": [(term.script_name, term.label) for term in panel.terms], "range": panel.powers}
+        for panel in (case_panels(tracks) if tracks else ())
+    ]
+    document |= {
+        "title": title,
+        "dimension": int(tracks[0].hip.shape[1]) if tracks else model.dimension if model is not None else 2,
+        "panels": panels,
+        "model": model_document(model, tracks),
+        "crosses": crosses or {},
+        "marks": [vars(mark) for mark in marks],
+        "time": time,
+    }
+    return script_text(document)

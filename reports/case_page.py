@@ -1,11 +1,10 @@
 """The page of one case: all its renderers laid over each other on the model, with a slider over time, and the verdicts.
 
-Without script the page shows figures and verdicts; the script in `assets/` moves HIP and IHIP over the same data.
+The scripts in `assets/` draw the runs from the data that the page holds; without script it shows verdicts and numbers.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,18 +20,11 @@ from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
+from hapticeval.reports.atlas_figure import atlas_charts, charts_words, has_charts
 from hapticeval.reports.canvas import Look, looks_of
-from hapticeval.reports.case_data import Track, drawable_recording, model_document, sample_tracks, tracks_document
-from hapticeval.reports.case_figure import (
-    Panel,
-    Place,
-    case_panels,
-    panels_svg,
-    plane_svg,
-)
+from hapticeval.reports.case_data import Mark, Track, case_text, drawable_recording, sample_tracks
+from hapticeval.reports.chart import charts_data
 from hapticeval.reports.grid import gravest_first
-from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.templates import (
     ASSETS_FOLDER,
     CHECK_PAGES,
@@ -44,7 +36,7 @@ from hapticeval.reports.templates import (
 )
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
-CASE_ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
+CASE_ASSETS = ("report.css", "case.css", "draw.js", "case.js")
 """Style sheets and scripts of a case page, in the order in which it needs them."""
 
 PAGE_ASSETS = (*CASE_ASSETS, "filter.js")
@@ -55,9 +47,6 @@ VIEW_MARK = '<meta name="generator" content="hapticeval view">'
 
 HEAD_CHARACTERS = 4096
 """Characters of a page in which its head ends."""
-
-LICENCES = ("LICENSE-uPlot.txt",)
-"""Licences of scripts that are not ours, written beside them."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +109,10 @@ class CheckSection:
 
 
 class Charts(NamedTuple):
-    """The charts of one renderer, an SVG element, and what they show in words."""
+    """The charts of one renderer as the page's script reads them, and what they show in words."""
 
     renderer: str
-    svg: str
+    data: str
     words: str
 
 
@@ -134,8 +123,8 @@ class CaseView:
     - `entries`: its runs, one of each renderer, drawn by its `looks`; `verdicts`: by renderer.
     - `recordings`: those that can be drawn; `problems`: why there is no recording. Both by renderer.
     - `model`: None where this version cannot make it; a `note` stands beside the scene.
-    - `tracks`: what figures and script draw of the runs.
-    - `prefix` and `enclosing_names` tell ids apart on a page of several cases.
+    - `tracks`: what is drawn of the runs.
+    - `enclosing_names` tell ids apart on a page of several cases.
     - `check_pages`: the page that tells of checks; empty for no links there.
     """
 
@@ -147,7 +136,6 @@ class CaseView:
     model: Model | None
     note: str
     tracks: Sequence[Track]
-    prefix: str
     enclosing_names: Sequence[str]
     check_pages: str
 
@@ -234,11 +222,6 @@ class CaseView:
         return names_by_seconds
 
     @cached_property
-    def panels(self) -> Sequence[Panel]:
-        """The plots against time."""
-        return case_panels(self.tracks) if self.tracks else ()
-
-    @cached_property
     def place_numbers(self) -> Mapping[tuple[str, float], int]:
         """The mark in the figures by renderer and time (s) of a failure; verdicts of one place share theirs."""
         failed = [verdict for verdict in self.judged if verdict.outcome is Outcome.FAIL]
@@ -253,63 +236,23 @@ class CaseView:
         refusals = {entry.renderer: entry.refusal for entry in self.entries if entry.refusal is not None}
         return {name: refusal.position for name, refusal in refusals.items() if refusal.position is not None}
 
-    @cached_property
-    def figures(self) -> Mapping[str, str]:
-        """SVG elements: paths and plots of what was recorded; without any, where renderers refuse a plane model."""
-        tracks, model, looks, crosses, label = self.tracks, self.model, self.looks, self.crosses, "/".join(self.case)
-        if tracks:
-            places = [Place(number, *key) for key, number in self.place_numbers.items()]
-            return {
-                "plane": plane_svg(
-                    tracks, model, looks, places,
-                    crosses=crosses, prefix=f"{self.prefix}p", title=f"{label}: paths on the model",
-                ),
-                "plots": panels_svg(
-                    tracks, self.panels, looks, places,
-                    prefix=f"{self.prefix}t", title=f"{label}: force and motion against time",
-                ),
-            }  # fmt: skip
-        # Nothing was recorded: every renderer refused, and some say where.
-        if crosses and model is not None and model.dimension == 2:
-            title = f"{label}: the outline of the model, and where renderers refuse it"
-            return {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{self.prefix}p", title=title)}
-        return {}
+    @property
+    def is_drawn(self) -> bool:
+        """Whether there is a picture: of runs, or of a plane model that renderers refuse at a place."""
+        return bool(self.tracks) or bool(self.crosses and self.model is not None and self.model.dimension == 2)
 
     @property
     def charts(self) -> Iterator[Charts]:
         """The charts of each renderer that walks over a sphere's."""
-        if self.model is None:
-            return
-        charted = {name: recording for name, recording in self.recordings.items() if has_charts(recording)}
-        for number, (name, recording) in enumerate(charted.items()):
-            title = f"{name} in {'/'.join(self.case)}: the charts"
-            svg = atlas_svg(recording, self.model, prefix=f"{self.prefix}a{number}", title=title)
-            yield Charts(name, svg, charts_words(recording))
+        for name, recording in self.recordings.items():
+            if self.model is not None and has_charts(recording):
+                yield Charts(name, charts_data(atlas_charts(recording, self.model)), charts_words(recording))
 
     @property
     def data(self) -> str:
         """What the page's script reads, as JSON: paths and runs, panels and model."""
-        # Keys are what assets/case.js reads.
-        drawn = tracks_document(self.tracks)
-        for run in drawn["runs"]:
-            look = self.looks[run["name"]]
-            run |= {"number": self.numbers[run["name"]], "role": look.role, "dash": look.dash, "marker": look.marker}
-        document = {
-            **drawn,
-            "dimension": int(self.tracks[0].hip.shape[1]),
-            "panels": [
-                {
-                    "label": panel.label,
-                    "terms": [(term.script_name, term.label) for term in panel.terms],
-                    "range": panel.powers,
-                }
-                for panel in self.panels
-            ],
-            "model": model_document(self.model, self.tracks),
-            "crosses": self.crosses,
-        }
-        # As JSON writes it in a script element, which "<" could end.
-        return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+        title = f"{'/'.join(self.case)}: paths on the model"
+        return case_text(title, self.tracks, self.model, self.looks, numbers=self.numbers, crosses=self.crosses)
 
 
 def write_case_page(
@@ -375,8 +318,8 @@ def _write_page(
 
 
 def write_assets(folder: Path) -> None:
-    """Write scripts, their licences and the sheets into `folder`/assets, once."""
-    for name in (*PAGE_ASSETS, *LICENCES):
+    """Write scripts and the sheets into `folder`/assets, once."""
+    for name in PAGE_ASSETS:
         with writing(folder / ASSETS_FOLDER), replacing(folder / ASSETS_FOLDER / name) as temporary:
             temporary.write_bytes(asset(name))
 
@@ -393,34 +336,25 @@ def case_section(
     *,
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
-    prefix: str = "c",
     enclosing_names: Sequence[str] = (),
     note: str = "",
     check_pages: str = "",
 ) -> str:
     """Return what a page shows of a case, an HTML element; `entries` are its runs, one at least.
 
-    On a page of several cases, `prefix` and the `enclosing_names` tell ids apart.
+    On a page of several cases the `enclosing_names` tell ids apart.
 
     A `note` stands beside the scene. Checks link to where `check_pages` tells of them, if it is given.
     Everything that comes from results is escaped.
     """
-    drawable = {
-        name: drawable_recording(recording)
-        for name, recording in recordings.items()
-        if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
-    }
-    model = model_of(entries[0], next(iter(drawable.values()), None))
-    # A foreign recording may be of another space than the model that its entry names.
-    if model is not None and any(recording.dimension != model.dimension for recording in drawable.values()):
-        model = None
+    drawable = _drawable(recordings)
+    model = _fitting_model(entries[0], drawable)
     names = [entry.renderer for entry in entries]
     times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
     tracks = sample_tracks(
         {name: drawable[name] for name in names if name in drawable},
         times,
-        # A bilateral surface holds the tool, unless the hand is led and only the IHIP is held.
-        held_on=model if entries[0].scene.bilateral and not _is_led(drawable) else None,
+        held_on=model if _is_held(entries[0], drawable) else None,
     )
     view = CaseView(
         entries=entries,
@@ -432,11 +366,44 @@ def case_section(
         model=model,
         note=note,
         tracks=tracks,
-        prefix=prefix,
         enclosing_names=enclosing_names,
         check_pages=check_pages,
     )
     return environment().get_template("case_section.html.j2").render(view=view)
+
+
+def run_text(entry: RunEntry, recording: Recording, time: float | None, look: Look, title: str) -> str:
+    """Return what a page's script draws of one run, as JSON, with a mark at a time (s); "" without a recorded hand."""
+    drawable = _drawable({entry.renderer: recording})
+    if not drawable:
+        return ""
+    model = _fitting_model(entry, drawable)
+    times = [] if time is None else [time]
+    tracks = sample_tracks(drawable, {entry.renderer: times}, held_on=model if _is_held(entry, drawable) else None)
+    marks = [Mark(0, moment) for moment in times]
+    return case_text(title, tracks, model, {entry.renderer: look}, marks=marks, time=time)
+
+
+def _drawable(recordings: Mapping[str, Recording | str]) -> dict[str, Recording]:
+    """Return what can be drawn of recordings, by renderer: the rows of those with a hand that are measurements."""
+    return {
+        name: drawable_recording(recording)
+        for name, recording in recordings.items()
+        if isinstance(recording, Recording) and "hip" in recording.channels and recording.measured.any()
+    }
+
+
+def _fitting_model(entry: RunEntry, recordings: Mapping[str, Recording]) -> Model | None:
+    """Return the model of a case; None where it cannot be made, or recordings of others are of another space."""
+    model = model_of(entry, next(iter(recordings.values()), None))
+    if model is not None and any(recording.dimension != model.dimension for recording in recordings.values()):
+        return None
+    return model
+
+
+def _is_held(entry: RunEntry, recordings: Mapping[str, Recording]) -> bool:
+    """Return whether a bilateral surface holds the tool; where the hand is led, only the IHIP is held."""
+    return entry.scene.bilateral and not _is_led(recordings)
 
 
 def _is_led(recordings: Mapping[str, Recording]) -> bool:

@@ -6,9 +6,9 @@ A panel is drawn from the recording of a run whose scene calls for that effect o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.reports.canvas import MM, colour_of, figure, page_svg
+from hapticeval.reports.canvas import MM
+from hapticeval.reports.chart import Axis, Chart, Curve, charts_data
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
-from hapticeval.study.effects_cost import EffectsDocument, Ladder
+from hapticeval.study.effects_cost import EffectsDocument
 from hapticeval.types import Array
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-# ruff: noqa: ARG001 - every panel has these arguments
+# ruff: noqa: ARG001 - every chart has these arguments
 
 WELCH_SAMPLES = 256
 """Samples of a segment of Welch's spectra."""
@@ -36,12 +34,6 @@ WORK_ROUNDING = 1e-9
 SECONDS_BEFORE, SECONDS_AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
-PANEL_WIDTH, PANEL_HEIGHT = 4.2, 3.0
-"""Inches of a panel."""
-
-PANEL_AREA = (0.18, 0.18, 0.79, 0.74)
-"""Left, bottom, width and height of a panel's axes, as shares of the figure."""
-
 
 @dataclass(frozen=True)
 class EffectPlot:
@@ -51,7 +43,7 @@ class EffectPlot:
     words: str
     run: RunEntry
     verdicts: Sequence[VerdictEntry]
-    svg: str = ""
+    data: str = ""
     problem: str = ""
 
 
@@ -60,19 +52,18 @@ def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
     from hapticeval.phenomena.registry import CHECKS
 
     plots = []
-    for number, (effect, run) in enumerate(effects_alone(results)):
+    for effect, run in effects_alone(results):
         verdicts = results.verdicts_of.get(run.key, [])
         of_effect = [
             verdict for verdict in verdicts if verdict.check in CHECKS and effect.kind in CHECKS[verdict.check].effects
         ]
         words = effect.describe(turning=run.scene.device is not None and run.scene.device.turning)
-        title = f"{words}: {run.renderer} in {run.suite}/{run.case}"
         try:
-            svg = effect_svg(effect, *read_run(directory, run), prefix=f"e{number}", title=title)
+            data = charts_data([effect_chart(effect, *read_run(directory, run))])
         except HapticevalError as error:
             plots.append(EffectPlot(effect.kind, words, run, of_effect, problem=error.what))
         else:
-            plots.append(EffectPlot(effect.kind, words, run, of_effect, svg))
+            plots.append(EffectPlot(effect.kind, words, run, of_effect, data))
     return plots
 
 
@@ -98,17 +89,9 @@ def read_run(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
     return recording, run.build_model(recording)
 
 
-def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
-    """Return the panel of an effect as an SVG element for a page."""
-    with figure(PANEL_WIDTH, PANEL_HEIGHT, page=True) as fig:
-        draw_effect(fig.add_axes(PANEL_AREA), effect, recording, model)
-        return page_svg(fig, prefix=prefix, title=title)
-
-
-def draw_effect(axes: Axes, effect: Effect, recording: Recording, model: Model) -> None:
-    """Draw what an effect of `PANELS` does in a recording."""
-    PANELS[effect.kind](axes, recording, model, effect)
-    axes.grid(True)
+def effect_chart(effect: Effect, recording: Recording, model: Model) -> Chart:
+    """Return the chart of what an effect of `PANELS` does in a recording."""
+    return PANELS[effect.kind](recording, model, effect)
 
 
 def sliding_motion(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
@@ -154,35 +137,48 @@ def work_on_hand(recording: Recording) -> Array:
     return np.append(0.0, np.cumsum(np.sum(mean * np.diff(recording.hip, axis=0), axis=1)))
 
 
-def _draw_slip(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    """Draw the force along over that across, against how far the hand has slid: Coulomb friction is a constant."""
+def _slip(recording: Recording, model: Model, effect: Effect) -> Chart:
+    """The force along over that across, against how far the hand has slid: Coulomb friction is a constant."""
     travelled, along, across = sliding_motion(recording, model)
     # Friction is a ratio only where the surface is pressed.
     pressed = across > 0.0
     ratio = np.where(pressed, along / np.where(pressed, across, 1.0), np.nan)
-    axes.plot(MM * travelled, ratio, color=colour_of("hip"))
-    axes.set(xlabel="way of the hand along the surface (mm)", ylabel="force along over force across")
+    return Chart(
+        title="friction against the way of the hand",
+        x=Axis(label="way of the hand along the surface (mm)"),
+        y=Axis(label="force along over force across"),
+        curves=[Curve(x=MM * travelled, y=ratio, role="hip")],
+    )
 
 
-def _draw_drag(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
+def _drag(recording: Recording, model: Model, effect: Effect) -> Chart:
     travelled, along, _ = sliding_motion(recording, model)
-    axes.plot(MM * np.gradient(travelled, recording.time), along, color=colour_of("hip"))
-    axes.set(xlabel="speed of the hand along the surface (mm/s)", ylabel="force along (N)")
+    return Chart(
+        title="drag against the speed of the hand",
+        x=Axis(label="speed of the hand along the surface (mm/s)"),
+        y=Axis(label="force along (N)"),
+        curves=[Curve(x=MM * np.gradient(travelled, recording.time), y=along, role="hip")],
+    )
 
 
-def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) -> None:
-    """Draw the spectrum of the steadiest force beside what the texture's filter has at the mean speed and force."""
+def _spectrum(recording: Recording, model: Model, effect: Any) -> Chart:
+    """The spectrum of the steadiest force beside what the texture's filter has at the mean speed and force."""
     from scipy.signal import welch
 
     from hapticeval.effects.texture import power_spectrum
 
+    chart = Chart(
+        title="spectrum of the force",
+        x=Axis(label="frequency (Hz)"),
+        y=Axis(label="force (dB of 1 N²/Hz)"),
+        curves=[],
+    )
     # The longest contact, of which the first WELCH_SAMPLES are left to settle.
     first, end = max(contact_stretches(recording), key=lambda rows: rows[1] - rows[0], default=(0, 0))
     travelled, along, across = sliding_motion(recording, model)
     values = (across if effect.direction == "normal" else along)[first + WELCH_SAMPLES : end]
     if values.size < WELCH_SAMPLES:
-        axes.annotate("too short a contact for a spectrum", (0.5, 0.5), xycoords="axes fraction", ha="center")
-        return
+        return replace(chart, title="too short a contact for a spectrum")
     rate = 1.0 / recording.dt
     frequency, power = welch(values, fs=rate, nperseg=WELCH_SAMPLES)
     # m/s, over the same samples as the spectrum.
@@ -191,37 +187,44 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
     model_power = effect.mass**2 * power_spectrum(
         effect.model.between(speed, float(np.mean(across[first + WELCH_SAMPLES : end]))), rate, frequency
     )
-    for density, role, style, label in (
-        (power, "hip", "-", f"the force, Welch of {WELCH_SAMPLES}"),
-        (model_power, "ihip", (0, (4, 1.2)), "the texture's filter"),
-    ):
-        # The first entry is the mean, not a vibration.
-        axes.plot(frequency[1:], 10.0 * np.log10(density[1:]), color=colour_of(role), linestyle=style, label=label)
-    axes.set(xlabel="frequency (Hz)", ylabel="force (dB of 1 N²/Hz)")
-    axes.legend(loc="upper right")
+    lines = (
+        (power, "hip", (), f"the force, Welch of {WELCH_SAMPLES}"),
+        (model_power, "ihip", (6, 2), "the texture's filter"),
+    )
+    # The first entry is the mean, not a vibration.
+    curves = [
+        Curve(x=frequency[1:], y=10.0 * np.log10(density[1:]), role=role, dash=dash, label=label)
+        for density, role, dash, label in lines
+    ]
+    return replace(chart, curves=curves)
 
 
-def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    """Draw the work over the laps that the hand does one after the other, with a mark at the end of each."""
+def _work(recording: Recording, model: Model, effect: Effect) -> Chart:
+    """The work over the laps that the hand does one after the other, with a mark at the end of each."""
     from hapticeval.phenomena.measures.closed_paths import laps
 
     work, hip = 1e3 * work_on_hand(recording), recording.hip
     first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))
     # Whole laps only, the closing sample included; the whole run where there is no lap.
     rows = slice(first, first + number * period + 1)
-    travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
+    travelled = MM * np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
     work = work[rows] - work[first]
-    axes.plot(MM * travelled, work, color=colour_of("hip"))
-    axes.plot(MM * travelled[::period], work[::period], "o", color=colour_of("mark"), markersize=4)
     # mJ: positive where the effect gives energy to the hand.
     a_lap = (work[-1] - work[0]) / number
     words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > WORK_ROUNDING * np.ptp(work) else "nothing in a lap"
-    axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
-    axes.set(xlabel="way of the hand (mm)", ylabel="work that the hand has got (mJ)")
+    return Chart(
+        title=f"work on the hand: {words}",
+        x=Axis(label="way of the hand (mm)"),
+        y=Axis(label="work that the hand has got (mJ)"),
+        curves=[
+            Curve(x=travelled, y=work, role="hip", label=words),
+            Curve(x=travelled[::period], y=work[::period], role="mark", marker="o", line=False),
+        ],
+    )
 
 
-def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    """Draw the force and the depth round the beginning of a contact, against ms since then."""
+def _transient(recording: Recording, model: Model, effect: Effect) -> Chart:
+    """The force and the depth round the beginning of a contact, against ms since then."""
     # The first contact whose beginning was recorded.
     contact_row = next((first for first, _ in contact_stretches(recording) if first > 0), 0)
     start = recording.time[contact_row]
@@ -230,67 +233,49 @@ def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effe
     # m: 0 outside the model.
     depth = np.maximum(-model.boundary.closest_point(recording.hip).distance, 0.0)
     time = 1e3 * (recording.time[in_window] - start)
-    axes.step(time, across[in_window], where="post", color=colour_of("hip"), label="force across")
-    # Narrower, with room for the second axis on the right.
-    axes.set_position((*PANEL_AREA[:2], 0.64, PANEL_AREA[3]))
-    depth_axes = axes.twinx()
-    depth_axes.plot(
-        time, MM * depth[in_window], color=colour_of("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand"
+    return Chart(
+        title="force and depth since the beginning of a contact",
+        x=Axis(label="time since contact (ms)"),
+        y=Axis(label="force across (N)"),
+        right=Axis(label="depth (mm)"),
+        curves=[
+            Curve(x=time, y=across[in_window], role="hip", label="force across", steps=True),
+            Curve(x=time, y=MM * depth[in_window], role="ihip", dash=(6, 2), label="depth of the hand", right=True),
+        ],
     )
-    depth_axes.set_ylabel("depth (mm)")
-    depth_axes.spines["right"].set_visible(True)
-    axes.set(xlabel="time since contact (ms)", ylabel="force across (N)")
-    handles = [panel.get_legend_handles_labels() for panel in (axes, depth_axes)]
-    axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="upper right")
 
 
-PANELS: Mapping[str, Callable[[Axes, Recording, Model, Effect], None]] = {
-    "friction": _draw_slip,
-    "viscous-friction": _draw_drag,
-    "lugre": _draw_slip,
-    "height-map": _draw_work,
-    "bump-map": _draw_work,
-    "stochastic-texture": _draw_spectrum,
-    "shading": _draw_work,
-    "contact-impulse": _draw_transient,
-    "contact-transient": _draw_transient,
-    "recorded-impulse": _draw_transient,
+PANELS: Mapping[str, Callable[[Recording, Model, Effect], Chart]] = {
+    "friction": _slip,
+    "viscous-friction": _drag,
+    "lugre": _slip,
+    "height-map": _work,
+    "bump-map": _work,
+    "stochastic-texture": _spectrum,
+    "shading": _work,
+    "contact-impulse": _transient,
+    "contact-transient": _transient,
+    "recorded-impulse": _transient,
 }
 """What is drawn of an effect, by kind."""
 
 
-def cost_svg(document: EffectsDocument) -> str:
-    """Return the cost of an answer by the number of effects called for, as an SVG element; "" without a ladder."""
+def cost_data(document: EffectsDocument) -> str:
+    """Return the time of an answer by the number of effects called for, for a page; "" without a ladder."""
     if document.ladder is None:
         return ""
-    with figure(6.4, 3.8, page=True) as fig:
-        axes = fig.add_axes((0.12, 0.34, 0.86, 0.62))
-        _draw_cost(axes, document.ladder)
-        return page_svg(fig, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
-
-
-def _draw_cost(axes: Axes, ladder: Ladder) -> None:
-    """Draw the ns of an answer against the number of effects, composed and with flags that are tested."""
-    counts = range(len(ladder.rungs))
-    for times, role, marker, label in (
+    rungs = document.ladder.rungs
+    lines = (
         # s an answer, with one effect more from rung to rung.
-        ([rung.tested for rung in ladder.rungs], "ihip", "s", "an engine with all of them, which tests flags"),
-        ([rung.composed for rung in ladder.rungs], "hip", "o", "composed of those called for"),
-    ):
-        axes.plot(
-            counts,
-            [1e9 * seconds for seconds in times],
-            marker=marker,
-            markersize=4,
-            color=colour_of(role),
-            label=label,
-        )
-    axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
-    axes.tick_params(axis="x", labelrotation=25.0)
-    # Slanted names end at their tick.
-    for text in axes.get_xticklabels():
-        text.set(ha="right", rotation_mode="anchor")
-    axes.set_ylabel("an answer (ns)")
-    axes.set_ylim(bottom=0.0)
-    axes.grid(True)
-    axes.legend(loc="upper left")
+        ([rung.tested for rung in rungs], "ihip", "s", "an engine with all of them, which tests flags"),
+        ([rung.composed for rung in rungs], "hip", "o", "composed of those called for"),
+    )
+    curves = [
+        Curve(x=[1e9 * seconds for seconds in times], y=range(len(rungs)), role=role, marker=marker, label=label)
+        for times, role, marker, label in lines
+    ]
+    names = [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in rungs]
+    title = "Time of an answer by the number of effects that a scene calls for"
+    return charts_data(
+        [Chart(title=title, x=Axis(label="an answer (ns)", zero=True), y=Axis(label="", names=names), curves=curves)]
+    )

@@ -21,7 +21,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import KIND_TITLES, bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.case_page import asset
-from hapticeval.reports.effects_figure import EffectPlot, cost_svg
+from hapticeval.reports.effects_figure import EffectPlot, cost_data
 from hapticeval.reports.grid import Grid, HardCase, case_grid, hard_cases, worst_verdicts
 from hapticeval.reports.table import Summary, summaries
 from hapticeval.reports.templates import CHECK_PAGES, INDEX, PAGES_FOLDER, anchor, case_file, environment, explain_terms
@@ -45,9 +45,9 @@ MOST_BREAKDOWNS = 6
 
 @dataclass(frozen=True)
 class Drawing:
-    """What stands where a figure belongs: an SVG element, or the reason why there is none."""
+    """What stands where a figure belongs: the data that the page's script draws, or the reason why there is none."""
 
-    svg: str = ""
+    data: str = ""
     problem: str = ""
 
 
@@ -133,7 +133,7 @@ class ReportView:
 
     # What the pages on costs are drawn and told with.
     bench_titles = KIND_TITLES
-    cost_svg = staticmethod(cost_svg)
+    cost_data = staticmethod(cost_data)
 
     # What the run amounts to.
 

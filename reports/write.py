@@ -16,13 +16,20 @@ from hapticeval.errors import HapticevalError, unwritable
 from hapticeval.files import write_text
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import Look, looks_of
-from hapticeval.reports.case_page import PAGE_ASSETS, Neighbours, asset, case_section, write_assets, write_case_page
-from hapticeval.reports.effects_figure import effect_plots, read_run
+from hapticeval.reports.case_page import (
+    PAGE_ASSETS,
+    Neighbours,
+    asset,
+    case_section,
+    run_text,
+    write_assets,
+    write_case_page,
+)
+from hapticeval.reports.effects_figure import effect_plots
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst_verdicts
 from hapticeval.reports.junit import junit
 from hapticeval.reports.pages import MOST_FAILURES, Counterexample, Drawing, ReportView, Single, render_pages
-from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
 from hapticeval.reports.templates import INDEX, PAGES_FOLDER, PATH_TO_PAGES, case_file
 from hapticeval.runner.results import RESULTS_FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
@@ -42,10 +49,12 @@ DRAWING_LOOK_SECONDS = 0.1
 MOST_DRAWN = 200
 """Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
 
-DRAWING_MODULES = ("h5py", "jinja2", "markdown_it", "matplotlib.figure", "matplotlib.backends.backend_svg")
+DRAWING_MODULES = ("h5py", "jinja2", "markdown_it", "shapely")
 """What each process that draws needs, and this one for the first page: imported once, before they are copied of it."""
 
-NOT_DRAWN = f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
+NOT_DRAWN = (
+    f"of many cases {MOST_DRAWN} are drawn, the worst first: `hapticeval figure SUITE/CASE --from DIR` draws others"
+)
 """Stands in the figure's place on the page of a case that is not drawn."""
 
 DRAWING_STOPPED = "not drawn, as the drawing was interrupted: hapticeval report draws it"
@@ -65,7 +74,6 @@ class Page:
     verdicts: Mapping[str, Sequence[VerdictEntry]]
     order: Sequence[str]
     neighbours: Neighbours
-    prefix: str
     drawn: bool = True
 
     def make(self) -> str:
@@ -86,11 +94,9 @@ class Page:
     def _write(self, recordings: Mapping[str, Recording | str]) -> str:
         """Return the case's section of a single page, or write its own page, from these recordings."""
         judgement: dict[str, Any] = {"verdicts": self.verdicts, "order": self.order}
-        # On one page for all, ids tell cases apart by prefix and suite and case.
+        # On one page for all, ids tell cases apart by suite and case.
         if self.pages is None:
-            return case_section(
-                self.runs, recordings, **judgement, prefix=self.prefix, enclosing_names=self.runs[0].key[:2]
-            )
+            return case_section(self.runs, recordings, **judgement, enclosing_names=self.runs[0].key[:2])
         write_case_page(self.pages, self.runs, recordings, **judgement, neighbours=self.neighbours)
         return ""
 
@@ -102,26 +108,17 @@ class Picture:
     directory: Path
     run: RunEntry
     verdict: VerdictEntry
-    prefix: str
     look: Look
 
     def make(self) -> Drawing:
-        """Read the recording and draw it; what the user can mend is reported in the figure's place."""
+        """Read the recording and return what is drawn of it; in its place stands what the user can mend."""
         if self.run.recording is None:
             return Drawing()
-        from hapticeval.recordings.channels import REQUIRED
-
-        try:
-            recording, model = read_run(self.directory, self.run)
-        except HapticevalError as error:
-            return Drawing(problem=_problem_words(self.directory, self.run, error))
-        lacking = [name for name in REQUIRED if name not in recording.channels]
-        # A foreign recording may lack the IHIP or the force, which the figure shows.
-        if lacking:
-            return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
-        title = f"{'/'.join(self.run.key)}: HIP, IHIP, response force and steps against time"
-        marks = tuple(marks_of([self.verdict]).values())
-        return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title, look=self.look))
+        recording = _recording_or_problem(self.directory, self.run)
+        if isinstance(recording, str):
+            return Drawing(problem=recording)
+        title = f"{'/'.join(self.run.key)}: HIP and IHIP on the model"
+        return Drawing(data=run_text(self.run, recording, self.verdict.time, self.look, title))
 
     def fallback(self, why: str) -> Drawing:
         """Return `why` for the figure's place."""
@@ -249,7 +246,6 @@ def _case_pages(directory: Path, results: ResultsDocument, pages: Path | None) -
             verdicts,
             results.renderers,
             neighbours,
-            f"c{number}",
             case in drawn,
         )
 
@@ -259,8 +255,8 @@ def _failure_pictures(directory: Path, results: ResultsDocument) -> list[Picture
     runs = {run.key: run for run in results.runs}
     looks = looks_of(results.renderers)
     return [
-        Picture(directory, runs[verdict.key], verdict, f"f{number}", looks[verdict.renderer])
-        for number, verdict in enumerate(worst_verdicts(results, MOST_FAILURES))
+        Picture(directory, runs[verdict.key], verdict, looks[verdict.renderer])
+        for verdict in worst_verdicts(results, MOST_FAILURES)
         if verdict.key in runs
     ]
 

@@ -1,4 +1,4 @@
-"""The figure of the sphere's two charts, from what set stabilisation by an atlas records."""
+"""The charts of the sphere along a run, from what set stabilisation by an atlas records."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
+from hapticeval.reports.atlas_figure import atlas_charts, charts_words, has_charts
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -47,10 +47,18 @@ def test_the_coordinates_of_a_chart_are_those_of_its_definition():
     np.testing.assert_allclose(run.channels["eta2"][:, 2], np.arccos(y[:, 0] / np.linalg.norm(y, axis=1)), atol=1e-7)
 
 
-def test_the_figure_names_what_it_shows():
-    svg = atlas_svg(round_the_meridian("set-stabilisation@atlas"), SCENE.model, prefix="a", title="charts")
-    for words in ("distance (mm)", "chart 1 (°)", "chart 2 (°)", "torque 2 (N m)", "by chart 2"):
-        assert words in svg
+def test_the_charts_show_what_was_recorded_and_shade_where_a_chart_is_idle():
+    run = round_the_meridian("set-stabilisation@atlas")
+    charts = atlas_charts(run, SCENE.model)
+    assert [chart.y.label for chart in charts] == ["distance (mm)", "chart 1 (°)", "chart 2 (°)", "torque 2 (N m)"]
+    np.testing.assert_allclose(charts[0].curves[0].y, 1e3 * (np.linalg.norm(run.hip, axis=1) - 0.1), atol=1e-9)
+    for number in (1, 2):
+        middles = [0.5 * (begin + end) for begin, end in charts[number].shades]
+        assert middles
+        at_work = run.channels["chart"][np.searchsorted(run.time, middles)]
+        assert set(at_work) == {3.0 - number}
+    switches = np.count_nonzero(np.diff(run.channels["chart"]))
+    assert {len(chart.rules) for chart in charts} == {switches}
 
 
 def test_the_words_count_the_turns_and_say_where_torques_differ():

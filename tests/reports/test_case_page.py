@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from itertools import pairwise
 
@@ -22,9 +21,11 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.reports import case_data, thinning, write_reports
-from hapticeval.reports.canvas import THEME, looks_of
+from hapticeval.reports.canvas import looks_of
 from hapticeval.reports.case_data import (
     EYE_AXES,
+    case_panels,
+    case_text,
     contact_events,
     drawable_recording,
     floats,
@@ -32,7 +33,6 @@ from hapticeval.reports.case_data import (
     sample_tracks,
     surface_motion,
 )
-from hapticeval.reports.case_figure import case_panels, panels_svg, plane_svg
 from hapticeval.reports.case_page import (
     CASE_ASSETS,
     CheckSection,
@@ -216,7 +216,6 @@ def test_a_recording_of_one_dimension_is_shown_before_its_wall():
     assert track.hip.shape == (40, 2)
     shown = case_panels([track])
     assert [each.label for each in shown] == ["place (mm)", "force (N)", "depth (mm)"]
-    assert "place (mm)" in panels_svg([track], shown, looks_of("r"), [], prefix="p", title="t")
 
 
 def test_steps_of_an_even_motion_do_not_begin_with_a_ramp():
@@ -282,11 +281,7 @@ def test_the_outline_of_a_model_lies_on_it(kind):
         assert np.abs(outline[:, 1]).min() < 1e-9
 
 
-# The figures without script.
-
-
-def words(svg):
-    return [text.text for text in ET.fromstring(svg).iter("text")]
+# What the script draws.
 
 
 def test_no_two_of_many_renderers_look_alike():
@@ -298,31 +293,28 @@ def test_no_two_of_many_renderers_look_alike():
         assert one.marker != two.marker
 
 
-def held_on(model, **runs):
-    found = sample_tracks({name: drawable_recording(run) for name, run in runs.items()}, {}, held_on=model)
-    looks = looks_of(runs)
-    return (
-        plane_svg(found, model, looks, [], crosses={}, prefix="a", title="three"),
-        panels_svg(found, case_panels(found), looks, [], prefix="b", title="three"),
-    )
-
-
-def test_a_run_that_leaves_does_not_shrink_the_others_and_what_is_small_is_seen_beside_millimetres():
+def test_of_tools_on_a_surface_the_script_gets_the_distance_and_the_speed_and_its_powers_of_ten():
     model = make_model("circle", size=0.2)
-    plane, plots = held_on(model, near=orbit(0.1 + 2e-7, 0.5), off=orbit(0.104, 0.5), leaves=orbit(50.0, 20.0))
-    assert max(float(each) for each in re.findall(r"(\d+(?:\.\d+)?)</text>", plane)) < 1000.0
-    assert "off the surface (mm)" in plots
-    assert "speed along it (m/s)" in plots
-    assert plane == held_on(model, near=orbit(0.1 + 2e-7, 0.5), off=orbit(0.104, 0.5), leaves=orbit(50.0, 20.0))[0]
-    for svg in (plane, plots):
-        assert set(re.findall(r"var\(--fig-(\w+)\)", svg)) <= set(THEME)
-        assert not re.findall(r"#[0-9a-f]{6}", svg), "the page gives every colour"
+    runs = {"near": orbit(0.1 + 2e-7, 0.5), "off": orbit(0.104, 0.5), "leaves": orbit(50.0, 20.0)}
+    tracks = sample_tracks({name: drawable_recording(run) for name, run in runs.items()}, {}, held_on=model)
+    document = json.loads(case_text("three", tracks, model, looks_of(runs)))
+    assert [panel["label"] for panel in document["panels"]] == [
+        "force (N)", "off the surface (mm)", "the same, size (mm)", "speed along it (m/s)"
+    ]  # fmt: skip
+    low, high = document["panels"][2]["range"]
+    assert low <= 2e-4, "the nearest, 0.2 um off, is not below the panel"
+    assert high >= 49_900.0
+    for run, radius in zip(document["runs"], (0.1 + 2e-7, 0.104, 50.0), strict=True):
+        np.testing.assert_allclose(numbers(run["off"]), radius - 0.1, rtol=1e-6)
+    assert {run["role"] for run in document["runs"]} == {look.role for look in looks_of(runs).values()}
 
 
-def test_a_solid_is_drawn_with_its_axes_and_a_scale():
-    lifted = {name: np.column_stack([each, np.zeros(500)]) for name, each in orbit(0.11, 0.5).channels.items()}
-    plane, _ = held_on(make_model("sphere", size=0.2), one=Recording(np.arange(500) * 1e-3, lifted))
-    assert {"y₁", "y₂", "y₃", "50 mm"} <= set(words(plane))
+def test_a_model_that_all_refuse_is_drawn_whole_without_a_run():
+    document = json.loads(case_text("refused", [], make_model("star"), {}, crosses={"r": [0.0, 0.1]}))
+    assert document["runs"] == document["panels"] == []
+    outline = numbers(document["model"]["rings"][0], 2)
+    assert np.ptp(outline, axis=0).max() > 0.15
+    assert np.abs(make_model("star").boundary.signed_distance(outline)).max() < 1e-4
 
 
 # The page.
@@ -412,6 +404,9 @@ def test_a_run_without_recording_a_refusal_and_an_error_are_described():
     assert "The cross marks the place" in text
     assert "No check gave a verdict" in text
     assert "case-data" not in text
+    assert json.loads(re.search(r'still refused"><script[^>]*>(.*?)</script>', text)[1])["crosses"] == {
+        "refuses": [0.1, 0.0]
+    }
 
 
 def test_of_a_run_that_broke_in_one_checks_sibling_the_other_verdicts_and_the_paths_are_shown():
@@ -451,8 +446,15 @@ def test_pages_and_what_they_share_are_written_and_nothing_is_asked_of_a_network
     for link in links:
         assert (path.parent / link).resolve().is_file()
     assert "http" not in text
-    assert (tmp_path / "assets" / "LICENSE-uPlot.txt").read_text().startswith("The MIT License")
     assert sum(each.stat().st_size for each in (tmp_path / "assets").iterdir()) < 150_000
+
+
+def test_without_script_a_page_names_the_command_that_draws(folder):
+    write_reports(folder, workers=0)
+    page = (folder / "report" / case_file("synthetic", "lobe")).read_text(encoding="utf-8")
+    [sentence] = re.findall(r"<noscript>(.*?)</noscript>", page)
+    assert "<code>hapticeval figure synthetic/lobe --from .</code>" in sentence
+    assert "<noscript>" in (folder / "report" / "index.html").read_text(encoding="utf-8")
 
 
 def test_a_view_is_never_written_over_other_files(refused, tmp_path):

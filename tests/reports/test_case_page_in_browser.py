@@ -83,6 +83,17 @@ def to_start(browser):
     assert browser.run(TIME) == 0.0
 
 
+PLOT_ENDS = """(() => { const boxes = [...document.querySelectorAll('.plots .chart:first-of-type .grid-line')]
+    .map(line => line.getBoundingClientRect()).filter(box => box.width > 50);
+    return [boxes[0].left, boxes[0].right]; })()"""
+"""Where the first plot against time begins and ends, px."""
+
+PLOT_HEIGHT = "(b => b.top + 0.4 * b.height)(document.querySelector('.plots .chart').getBoundingClientRect())"
+
+TIME_NUMBERS = """[...document.querySelectorAll('.plots .plot-box:last-child .chart > text[text-anchor=middle]')]
+    .map(text => text.textContent).filter(text => /^[0-9.]+$/.test(text)).map(Number)"""
+"""What stands at the axis of the time."""
+
 PICTURE = "document.querySelector('.live-canvas').toDataURL()"
 
 
@@ -137,7 +148,7 @@ def test_the_slider_is_worked_by_keys_from_sample_to_sample(opened):
 def test_a_renderer_that_is_alone_shows_its_components(opened):
     browser = opened("plane")
     before = browser.run(PICTURE)
-    assert browser.run("document.querySelectorAll('.keys span span').length") == 0
+    assert browser.run("document.querySelectorAll('.keys > span').length") == 0
     browser.page.click(".runs-shown input[data-run='1']")
     assert browser.run("document.querySelector('.keys').innerText").split() == ["|F|", "F₁", "F₂"]
     assert browser.run(PICTURE) != before
@@ -145,15 +156,31 @@ def test_a_renderer_that_is_alone_shows_its_components(opened):
 
 def test_a_click_into_a_plot_goes_to_its_time(opened):
     browser = opened("plane")
-    browser.page.click(".u-over")
-    assert browser.run(TIME) == pytest.approx(1.0, abs=0.05)
+    left, right = browser.run(PLOT_ENDS)
+    browser.page.mouse.click(0.5 * (left + right), browser.run(PLOT_HEIGHT))
+    assert browser.run(TIME) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_drag_over_a_plot_enlarges_that_part_of_the_time_in_all_plots(opened):
+    browser = opened("plane")
+    left, right = browser.run(PLOT_ENDS)
+    height, mouse = browser.run(PLOT_HEIGHT), browser.page.mouse
+    mouse.move(left + 0.25 * (right - left), height)
+    mouse.down()
+    mouse.move(left + 0.5 * (right - left), height, steps=4)
+    mouse.up()
+    assert browser.run(TIME_NUMBERS)[0] == pytest.approx(0.5, abs=0.1)
+    assert browser.run(TIME_NUMBERS)[-1] == pytest.approx(1.0, abs=0.1)
+    mouse.dblclick(0.5 * (left + right), height)
+    assert browser.run(TIME_NUMBERS)[0] == 0.0
+    assert browser.run(TIME_NUMBERS)[-1] >= 1.5
 
 
 def test_a_plot_has_the_focus_and_is_read_and_moves_by_keys(opened):
     browser = opened("plane", width=390)
-    browser.page.focus(".uplot")
+    browser.page.focus(".plots .chart")
     browser.page.keyboard.press("Home")
-    text = "document.querySelector('.uplot').getAttribute('aria-valuetext')"
+    text = "document.querySelector('.plots .chart').getAttribute('aria-valuetext')"
     assert browser.run(text) == "0.000 s: plain 19.3, other 19.3"
     browser.page.keyboard.press("End")
     assert browser.run(TIME) == pytest.approx(1.999)
@@ -243,23 +270,39 @@ def test_no_page_overflows_and_axe_finds_nothing(opened, name, width, dark):
     assert json.loads(browser.run(AXE_FINDINGS)) == []
 
 
-def test_without_script_figures_and_verdicts_are_there(browser, pages, tmp_path):
+def test_without_script_verdicts_and_numbers_are_there_and_the_command_that_draws(browser, pages):
     browser.open(pages["plane"], script=False)
-    box = "(e => e.getBoundingClientRect().height)(document.querySelector('%s'))"
-    for part in (".plane svg.figure", ".plots svg.figure", ".check li"):
-        assert browser.run(box % part) > 30
-    assert browser.run("document.querySelector('canvas')") is None
+    text = browser.page.inner_text("body")
+    assert "hapticeval figure synthetic/lobe --from ." in text
+    for words in ("pop-through <here>", "40 mm", "stiffness"):
+        assert words in text
+    assert browser.run("document.querySelector('canvas, .chart')") is None
 
 
-def test_what_is_printed_is_the_figure_and_not_the_canvas(opened, tmp_path):
+def test_with_script_nothing_says_that_it_is_lacking(opened):
+    assert "JavaScript" not in opened("plane").page.inner_text("body")
+
+
+def test_what_is_printed_is_what_the_browser_drew(opened, tmp_path):
     browser = opened("plane")
     browser.page.emulate_media(media="print")
     hidden = "getComputedStyle(document.querySelector('%s')).display"
-    assert browser.run(hidden % ".live-canvas") == browser.run(hidden % ".transport") == "none"
-    assert browser.run(hidden % ".static") == "block"
+    assert browser.run(hidden % ".transport .play") == browser.run(hidden % ".zoom") == "none"
+    assert browser.run(hidden % ".live-canvas") == browser.run(hidden % ".chart") == "block"
     # Nobody can scroll on paper, and of verdicts in columns Chromium lost the last.
     evidence = "getComputedStyle(document.querySelector('.check details')).overflowX"
     assert browser.run(evidence) == "visible"
     assert browser.run("getComputedStyle(document.querySelector('.found')).columnCount") == "auto"
     browser.page.pdf(path=tmp_path / "page.pdf", print_background=True)
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_on_paper_a_dark_page_is_light(opened):
+    browser = opened("plane", dark=True)
+    dark = browser.run(PICTURE)
+    browser.run("dispatchEvent(new Event('beforeprint'))")
+    paper = browser.run(PICTURE)
+    assert paper != dark
+    assert browser.run("getComputedStyle(document.documentElement).getPropertyValue('--fig-ink').trim()") == "#1c1f23"
+    browser.run("dispatchEvent(new Event('afterprint'))")
+    assert browser.run(PICTURE) == dark

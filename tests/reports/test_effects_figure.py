@@ -13,7 +13,9 @@ from hapticeval.effects.catalogue import EFFECTS, make_effect
 from hapticeval.effects.effect import Stage
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.registry import OWN_CHECKS
-from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_svg, sliding_motion, work_on_hand
+from hapticeval.reports.canvas import figure
+from hapticeval.reports.chart import charts_data, draw_chart
+from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_chart, sliding_motion, work_on_hand
 from hapticeval.reports.write import write_reports
 from hapticeval.study.effects_cost import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
 
@@ -84,14 +86,22 @@ def test_contacts_are_where_there_is_a_force():
 
 @pytest.mark.parametrize("kind", PANELS)
 @pytest.mark.parametrize("laps", [1, 12])
-def test_every_panel_is_drawn_the_same_twice(kind, laps):
+def test_every_chart_is_data_of_finite_numbers_and_is_drawn_into_a_file_too(kind, laps, tmp_path):
     """Of a short contact, and of one that is long enough for a spectrum."""
     once = rubbed()
     recording = recorded(np.tile(once.hip, (laps, 1)), force=np.tile(once.force, (laps, 1)))
     effect = make_effect({"kind": kind, **NUMBERS.get(kind, {})})
-    svg = [effect_svg(effect, recording, make_model("line"), prefix="e", title=kind) for _ in range(2)]
-    assert svg[0] == svg[1]
-    assert svg[0].startswith("<svg")
+    chart = effect_chart(effect, recording, make_model("line"))
+    [data] = json.loads(charts_data([chart]))
+    assert len(data["curves"]) == len(chart.curves)
+    for curve, drawn in zip(chart.curves, data["curves"], strict=True):
+        np.testing.assert_allclose(np.array(drawn["y"], dtype=float), curve.y, rtol=1e-5, atol=1e-12)
+    with figure(4.0, 3.0) as fig:
+        axes = fig.subplots()
+        draw_chart(axes, chart)
+        fig.savefig(tmp_path / "chart.pdf")
+    lines = [line for part in fig.axes for line in part.get_lines()]
+    assert len(lines) == len(chart.curves)
 
 
 def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypatch):

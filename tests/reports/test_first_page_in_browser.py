@@ -176,3 +176,26 @@ def test_in_one_file_a_case_moves_once_it_is_in_sight(opened):
     assert browser.run("document.querySelectorAll('.one-case').length") == 2
     browser.run("[...document.querySelectorAll('.one-case')].at(-1).scrollIntoView()")
     browser.until("[...document.querySelectorAll('.one-case')].at(-1).querySelector('.track input') !== null")
+
+
+DRAWN = """[...document.querySelectorAll('%s canvas')].map(canvas => new Set(
+    canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size)"""
+"""How many values the colours of each canvas have."""
+
+
+def test_each_card_is_drawn_with_its_plots(opened):
+    browser = opened("first")
+    count = browser.run("document.querySelectorAll('figure.still').length")
+    assert count > 1
+    drawn = browser.run(DRAWN % "figure.still")
+    assert len(drawn) == count
+    assert all(values > 10 for values in drawn)
+    assert browser.run("[...document.querySelectorAll('.still')].every(f => f.querySelectorAll('.chart').length === 2)")
+
+
+def test_for_paper_all_cases_of_the_one_file_are_drawn(opened):
+    browser = opened("single")
+    browser.run("dispatchEvent(new Event('beforeprint'))")
+    drawn = browser.run(DRAWN % ".one-case")
+    assert len(drawn) == 2
+    assert all(values > 10 for values in drawn)

@@ -193,7 +193,7 @@ WHITE = np.array([0.2126, 0.7152, 0.0722])
 def colours():
     """The variables of either theme."""
     text = (resources.files("hapticeval.reports") / "report.css").read_text(encoding="utf-8")
-    blocks = re.findall(r":root {(.*?)}", text, re.DOTALL)
+    blocks = re.findall(r":root[^{]*{(.*?)}", text, re.DOTALL)
     assert len(blocks) == 2
     return [dict(re.findall(r"--([\w-]+): (#\w{6})", block)) for block in blocks]
 
