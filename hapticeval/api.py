@@ -107,7 +107,7 @@ def plot_document(
     it.
     """
     from hapticeval.files import parse_json
-    from hapticeval.reports.paper_figure import paper_fronts
+    from hapticeval.reports.paper import paper_fronts
     from hapticeval.reports.study_figures import paper_limits
     from hapticeval.study.bench.document import BENCH_FILE, read_bench
 
@@ -284,58 +284,57 @@ class Results:
         height: str | None = None,
         font_size: float | None = None,
     ) -> Figure:
-        """Return the report's figure of a run: the paths on the model, the force and the steps against time.
+        """Return a figure of a run: the paths on the model, the force, and the steps or the depth, against time.
 
-        Numbered marks are the times that its verdicts name. With any of the further options it is a figure for a paper,
-        as `hapticeval figure` draws it: the `renderers` (all that have run, if none are named) over each other, a mark
-        where the verdict of `check` points, of real `width` and `height` ("88mm", "3.5in"), with text of `font_size`
-        points. `labels` says by a renderer's name how the legend calls it.
+        Marks, numbered where they are several, stand where verdicts that do not pass point. With any of the further
+        options it is a figure for a paper, as `hapticeval figure` draws it: the `renderers` (all that have run, if none
+        are named) over each other, a mark where the verdict of `check` points, of real `width` and `height` ("88mm",
+        "3.5in"), with text of `font_size` points. `labels` says by a renderer's name how the legend calls it.
 
         Raises as `recording` and `parse_paper_length` do, and `UnknownNameError` for a check that did not run, and for
         a label of a renderer that is not drawn.
         """
-        from hapticeval.reports.run_figure import marks_of, run_figure
+        from hapticeval.reports.canvas import looks_of
+        from hapticeval.reports.run_figure import SCREEN_WIDTH, run_figure
 
         sizes: dict[str, Any] = {"width": width, "height": height, "font_size": font_size}
+        looks = looks_of(self.document.renderers)
         if any(choice is not None for choice in (renderers, check, labels, *sizes.values())):
             named = [renderer] if renderer is not None else []
-            return self._paper_figure(case, [*named, *(renderers or ())], check, labels=labels, **sizes)
-        run = self._run(case, renderer)
-        marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
-        title = f"{run.renderer} on {run.suite}/{run.case}"
-        recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
-        return run_figure(recording, run.build_model(recording), marks=marks, title=title)
+            entries = self._runs_to_draw(case, [*named, *(renderers or ())])
+            runs = [self._drawn_run(run, [] if check is None else [check]) for run in entries]
+            options = {"looks": looks, "labels": labels, "mark_words": f"where {check} does not pass", **sizes}
+        else:
+            entries = [self._run(case, renderer)]
+            runs = [self._drawn_run(entries[0], None)]
+            title = f"{entries[0].renderer} on {entries[0].suite}/{entries[0].case}"
+            options = {"looks": looks, "title": title, "width": SCREEN_WIDTH}
+        return run_figure(runs, entries[0].build_model(runs[0].recording), **options)
 
-    def _paper_figure(
-        self,
-        case: str | None,
-        renderers: Sequence[str],
-        check: str | None,
-        **options: Any,
-    ) -> Figure:
-        """Return the figure for a paper, with the `options` of `paper_figure`, see `plot`."""
-        from hapticeval.reports.canvas import looks_of
-        from hapticeval.reports.paper_figure import PaperRun, paper_figure
-
+    def _runs_to_draw(self, case: str | None, renderers: Sequence[str]) -> Sequence[RunEntry]:
+        """Return the runs of one case; of all renderers that recorded something, if none are named."""
         if renderers:
             entries = [self._run(case, name) for name in dict.fromkeys(renderers)]
         else:
-            # Those that have something to show.
             entries = [run for run in self._runs(case) if run.recording or run.key in self.recordings]
         if not entries or len({(run.suite, run.case) for run in entries}) > 1:
             raise InputError(
                 f"{len(entries)} runs with a recording to draw", why="a figure is of one case", todo="name suite/case"
             )
-        runs: list[PaperRun] = []
-        for run in entries:
-            verdicts = {verdict.check: verdict for verdict in self.document.verdicts_of.get(run.key, [])}
-            if check is not None and check not in verdicts:
+        return entries
+
+    def _drawn_run(self, run: RunEntry, checks: Sequence[str] | None) -> Any:
+        """Return what is drawn of a run, with the marks of these checks, of all if None; one check has its outcome."""
+        from hapticeval.reports.run_figure import DrawnRun, marks_of
+
+        verdicts = {verdict.check: verdict for verdict in self.document.verdicts_of.get(run.key, [])}
+        for check in checks or ():
+            if check not in verdicts:
                 raise UnknownNameError(f"check of {run.suite}/{run.case}", check, verdicts)
-            recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
-            runs.append(PaperRun(run.renderer, recording, verdicts[check] if check is not None else None))
-        model = entries[0].build_model(runs[0].recording)
-        looks = looks_of(self.document.renderers)
-        return paper_figure(runs, model, looks=looks, **options)
+        chosen = [verdict for name, verdict in verdicts.items() if checks is None or name in checks]
+        recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
+        outcome = str(chosen[0].outcome) if checks and chosen else ""
+        return DrawnRun(run.renderer, recording, marks_of(chosen, recording), outcome)
 
     def plot_grid(
         self,
@@ -351,7 +350,7 @@ class Results:
         Raises `UnknownNameError` for a renderer that did not run, and as `parse_paper_length` does.
         """
         from hapticeval.reports.grid import phenomenon_grid
-        from hapticeval.reports.paper_figure import paper_grid
+        from hapticeval.reports.paper import paper_grid
 
         grid = phenomenon_grid(self.document)
         return paper_grid(grid, renderers, labels=labels, width=width, height=height, font_size=font_size)
@@ -385,22 +384,19 @@ class Results:
         self,
         *,
         single_file: bool = False,
-        figures: Sequence[str] = (),
         progress: Callable[[int, int], None] | None = None,
         stopped: Callable[[], bool] | None = None,
     ) -> list[Path]:
         """Write table.md, junit.xml, report/ and tables/ beside results.json, and return all their paths.
 
-        With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
-        figures of these runs are written as SVG and PDF too. The counterexamples of a search into counterexamples/ are
-        shown. See `write_reports` and `write_figures`.
+        With `single_file` report.html holds the pages of report/. The counterexamples of a search into
+        counterexamples/ are shown. See `write_reports`.
 
         Raises `InputError` for results that lie in no folder.
         """
-        from hapticeval.reports import write_figures, write_reports
+        from hapticeval.reports import write_reports
 
         folder = self.file.parent
-        drawn = write_figures(folder, self.document, figures)
         written = write_reports(
             folder,
             single_file=single_file,
@@ -409,7 +405,7 @@ class Results:
             stopped=stopped,
             counterexamples=_read_counterexamples(folder),
         )
-        return [self.file, *written, *drawn]
+        return [self.file, *written]
 
     def write_known(self, file: str | Path) -> Results:
         """List in `file` all that stops the gate now, and return the results with these failures known.

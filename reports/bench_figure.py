@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from hapticeval.reports.canvas import MM, Look
 from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data, look_style
@@ -126,27 +127,25 @@ def front_chart(plotted: PlottedSettings, looks: Mapping[str, Look], title: str)
     for reference in dict.fromkeys(setting.reference for setting, _ in plotted):
         front = pareto_front([entry for entry in plotted if entry[0].reference == reference])
         named += front
-        curves.append(Curve(**_points(front), role="ink", width=1.8, steps=True, label=label))
+        curves.append(_curve(front, role="ink", width=1.8, steps=True, label=label))
         # The legend shows one of them.
         label = ""
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
         of_renderer = [entry for entry in plotted if entry[0].renderer == name]
         # The first and the last setting of a sweep are named, and what is on the front.
         named += [of_renderer[0], of_renderer[-1]]
-        curves.append(Curve(**_points(of_renderer), role=looks[name].role, width=1.0, faint=True))
+        curves.append(_curve(of_renderer, role=looks[name].role, width=1.0, faint=True))
         # Filled where the error is proven, hollow where it is an upper bound only.
         for proven in (True, False):
             points = [entry for entry in of_renderer if bool(entry[0].proven) is proven]
             if points:
-                style = {
+                style: dict[str, Any] = {
                     "role": looks[name].role,
                     "marker": looks[name].marker,
                     "size": 9.0 if _is_foreign(name) else 6.0,
                 }
                 is_first = not any(curve.label == name for curve in curves)
-                curves.append(
-                    Curve(**_points(points), **style, hollow=not proven, line=False, label=name if is_first else "")
-                )
+                curves.append(_curve(points, **style, hollow=not proven, line=False, label=name if is_first else ""))
     times, errors = zip(*(place for _, place in plotted), strict=True)
     # us: the 10 us line is always in view.
     view = min(*times, 8.0) / 1.35, max(*times, 12.0) * 1.6
@@ -167,8 +166,8 @@ def front_chart(plotted: PlottedSettings, looks: Mapping[str, Look], title: str)
     )
 
 
-def _points(plotted: PlottedSettings) -> dict[str, list[float]]:
-    return {"x": [time for _, (time, _) in plotted], "y": [error for _, (_, error) in plotted]}
+def _curve(plotted: PlottedSettings, **style: Any) -> Curve:
+    return Curve(x=[time for _, (time, _) in plotted], y=[error for _, (_, error) in plotted], **style)
 
 
 def _is_foreign(name: str) -> bool:

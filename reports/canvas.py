@@ -1,8 +1,7 @@
-"""The frame of every figure: style and canvas before it is drawn, files or an element of the page after."""
+"""What all figures share: colours, the looks of renderers, matplotlib's style, and how their files are written."""
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,15 +12,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from hapticeval.files import replacing, writing
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import continuing_steps
-from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM = 1e3
@@ -43,7 +36,7 @@ THEME: Mapping[str, str] = MappingProxyType(
         "mark": "#e69f00",
     }
 )
-"""Role -> the colour that it is drawn in, which becomes `var(--fig-<role>)`: the page defines how it looks.
+"""Role -> the colour that it is drawn in; on a page that is `var(--fig-<role>)`, and the sheet defines how it looks.
 
 Curves have the colours of Okabe and Ito, which the colour-blind tell apart; no two roles share a colour. The
 page has a light and a dark side: there the sheet has others for some roles.
@@ -71,9 +64,6 @@ CURVES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
 
 LINE_DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
 """Lengths of lines and gaps, in points."""
-
-DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
-"""matplotlib's line styles: the offset, and the lengths of line and gap in line widths."""
 
 MARKERS: Mapping[str, str] = MappingProxyType(
     {
@@ -144,14 +134,8 @@ STYLE: Mapping[str, Any] = {
 }
 """matplotlib's settings. Curves are simplified to half a point, which keeps every peak and a long recording small."""
 
-PAGE_FONT = 11.0
-"""Points of all text of a figure on a page, which is never shown smaller than a pixel a point."""
-
 FONT_SIZES = ("font.size", "axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
 """matplotlib's settings for the sizes of text."""
-
-PAGE_STYLE: Mapping[str, Any] = dict.fromkeys(FONT_SIZES, PAGE_FONT)
-"""matplotlib's settings of figures on pages, on top of `STYLE`."""
 
 UNDATED: Mapping[str, dict[str, None]] = MappingProxyType({".svg": {"Date": None}, ".pdf": {"CreationDate": None}})
 """Metadata that leave out when a file was made."""
@@ -162,20 +146,16 @@ BOXED: Mapping[str, Any] = {"axes.spines.top": True, "axes.spines.right": True}
 
 @contextmanager
 def figure(
-    width: float, height: float, *, page: bool = False, settings: Mapping[str, Any] | None = None, **options: Any
+    width: float, height: float, *, settings: Mapping[str, Any] | None = None, **options: Any
 ) -> Iterator[Figure]:
     """Make a figure of `width` by `height` inches in the common style, to be drawn and saved inside the block.
 
-    With `page` it is transparent, for `page_svg`; else white, for `save_figure`. `settings` are matplotlib's rcParams
-    on top of the style, `options` arguments of its `Figure`.
+    `settings` are matplotlib's rcParams on top of the style, `options` arguments of its `Figure`.
     """
     from matplotlib.figure import Figure
 
-    with in_style({**(PAGE_STYLE if page else {}), **(settings or {})}):
-        fig = Figure(figsize=(width, height), facecolor="white", **options)
-        # On a page its background shows through.
-        fig.patch.set_visible(not page)
-        yield fig
+    with in_style(settings):
+        yield Figure(figsize=(width, height), facecolor="white", **options)
 
 
 def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManager[None]:
@@ -184,14 +164,6 @@ def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManage
 
     style: Any = {**STYLE, **(settings or {})}
     return rc_context(style)
-
-
-def page_svg(fig: Figure, *, prefix: str, title: str) -> str:
-    """Return the figure as an SVG element for a page, see `svg_element`; the same figure gives the same text."""
-    buffer = io.StringIO()
-    # Without date and creator, so that the same figure gives the same bytes.
-    fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return svg_element(buffer.getvalue(), prefix=prefix, title=title)
 
 
 def svg_element(svg: str, *, prefix: str, title: str) -> str:
@@ -208,7 +180,7 @@ def svg_element(svg: str, *, prefix: str, title: str) -> str:
     body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", body).replace("xlink:href", "href")
     body = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", body)
     # Each role has a colour of its own, so that a colour in the file tells its role.
-    for role, colour in THEME.items():
+    for role, colour in {**THEME, "paper": "#ffffff"}.items():
         body = body.replace(colour, f"var(--fig-{role})")
     # Of the box (x, y, width, height) the width: a pixel a point at least.
     width = f"min-width:{box[1].split()[2]}px"
@@ -250,29 +222,5 @@ def save_figure(
 
 
 def colour_of(role: str) -> str:
-    """Return the colour to draw a role of `THEME` in; on a page `page_svg` turns it into the page's own."""
+    """Return the colour in which a file has a role of `THEME`; `svg_element` turns it into the page's own."""
     return THEME[role]
-
-
-def draw_over_time(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
-    """Draw a channel (n,) against time in s, without a line over a gap: it would show what nobody measured.
-
-    The unit of `values` is that of the axis, such as N or mm; `role` is a key of `THEME`.
-    """
-    # NaN at each gap breaks the line there.
-    cuts = np.flatnonzero(~continuing_steps(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
-    time, values = (np.insert(series, cuts, np.nan) for series in (recording.time, values))
-    axes.plot(time, values, color=colour_of(role), **style)
-
-
-def legend_above(axes: Axes, *others: Axes, **options: Any) -> None:
-    """Put one row of labels above the right end of the axes, with those of the `others` that share its place."""
-    handles, labels = axes.get_legend_handles_labels()
-    for twin_axes in others:
-        twin = twin_axes.get_legend_handles_labels()
-        handles, labels = handles + twin[0], labels + twin[1]
-    axes.legend(
-        handles,
-        labels,
-        **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 4, "borderaxespad": 0.0, **options},
-    )

@@ -122,8 +122,8 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def draw_chart(axes: Axes, chart: Chart) -> None:
-    """Draw a chart by matplotlib, without its notes, and with a legend of what has a label."""
+def draw_chart(axes: Axes, chart: Chart, *, legend: bool = True) -> None:
+    """Draw a chart by matplotlib, without its notes, and with a `legend` of what has a label."""
     axes.set(xlabel=chart.x.label, ylabel=chart.y.label)
     axes.grid(True, which="major")
     second = axes.twinx() if chart.right is not None else None
@@ -145,8 +145,9 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         if part is not None and axis is not None:
             _set_axis(part, axis, name)
     handles = [part.get_legend_handles_labels() for part in (axes, second) if part is not None]
-    lines, labels = ([entry for pair in handles for entry in pair[k]] for k in (0, 1))
-    if lines:
+    lines: list[Any] = [line for pair in handles for line in pair[0]]
+    labels = [label for pair in handles for label in pair[1]]
+    if lines and legend:
         axes.legend(lines, labels, loc="upper right")
 
 
@@ -167,7 +168,7 @@ def _set_axis(axes: Axes, axis: Axis, name: str) -> None:
     if axis.range is not None:
         axes.set(**{f"{name}lim": axis.range})
     elif axis.tight:
-        axes.margins(**{name: 0.0})
+        axes.margins(x=0.0 if name == "x" else None, y=0.0 if name == "y" else None)
     elif axis.zero:
         low, high = getattr(axes, f"get_{name}lim")()
         axes.set(**{f"{name}lim": (min(low, 0.0), max(high, 0.0))})

@@ -1,4 +1,4 @@
-"""The tables of a report for papers and programs: CSV and LaTeX; and figures of its runs as SVG and PDF."""
+"""The tables of a report for papers and programs: CSV and LaTeX."""
 
 from __future__ import annotations
 
@@ -28,9 +28,6 @@ PHENOMENA_CAPTION = (
     "of its bound is left, or how many times its bound it is"
 )
 """The caption of the table of phenomena, which explains its cells."""
-
-FIGURES = "figures"
-"""The folder of the figures, beside the results."""
 
 
 @dataclass(frozen=True)
@@ -338,38 +335,3 @@ def _latex_text(text: str) -> str:
         for part in TIED_SPACE.split(text)
     )
     return sign + "~".join(parts).replace(r"~\%", r"\,\%")
-
-
-def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str]) -> list[Path]:
-    """Write the figures of the runs whose `suite/case/renderer` a glob matches as SVG and PDF, and return the paths.
-
-    They go into `directory`/figures. Raises `NothingSelectedError` for a glob that matches no run with a recording,
-    and `HapticevalError` where a recording cannot be read or a file not be written.
-    """
-    written: list[Path] = []
-    for glob in globs:
-        # A run without a recording has nothing to draw.
-        chosen = [run for run in results.runs if run.recording and fnmatchcase("/".join(run.key), glob)]
-        if not chosen:
-            raise NothingSelectedError(
-                f"no recorded run matches {glob!r}",
-                why="a glob is matched against suite/case/renderer",
-                todo=f"for instance '{'/'.join(results.runs[0].key)}'" if results.runs else "",
-            )
-        for run in chosen:
-            written += _write_run_figure(directory, results, run)
-    return written
-
-
-def _write_run_figure(directory: Path, results: ResultsDocument, run: RunEntry) -> list[Path]:
-    """Draw a run and write the figure below figures/; return the paths written."""
-    from hapticeval.reports.canvas import in_style, save_figure
-    from hapticeval.reports.effects_figure import read_run
-    from hapticeval.reports.run_figure import marks_of, run_figure
-
-    recording, model = read_run(directory, run)
-    marks = tuple(marks_of(results.verdicts_of.get(run.key, [])).values())
-    folder = directory / FIGURES / file_stem(run.suite) / file_stem(run.case)
-    with in_style():
-        fig = run_figure(recording, model, marks=marks, title=f"{run.renderer} on {run.suite}/{run.case}")
-        return save_figure(fig, folder, file_stem(run.renderer), kinds=("svg", "pdf"))

@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.files import file_stem
 from hapticeval.quantity import format_quantity, plural
 from hapticeval.reports.canvas import BOXED, CURVES, INK, MARKERS, MM, PALETTE, QUIET, THEME, figure, save_figure
-from hapticeval.reports.paper_figure import PaperFigure, paper_page
+from hapticeval.reports.paper import PaperFigure, paper_page
 from hapticeval.study.projection_field.field import Field
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from msgspec.structs import replace
 import hapticeval
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.registry import OWN_CHECKS
-from hapticeval.reports.run_figure import run_figure
+from hapticeval.reports.run_figure import SCREEN_WIDTH, DrawnRun, run_figure
 from hapticeval.rigid_contact import ideal
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -81,12 +81,15 @@ def drawn(results: hapticeval.Results, case: Case) -> Figure:
     scene, recording, closed_form = case.build_scene(), results.recording(), CLOSED_FORMS[law]
     motion = closed_form.motion(scene, recording.hip[0], recording.velocity[0], recording.time)
     far = np.abs(scene.model.boundary.signed_distance(motion.hip))
-    made = run_figure(recording, scene.model, title=f"{results.verdicts[0].renderer} on shown/{case.name}")
-    depth = made.axes[2]
+    name = results.verdicts[0].renderer
+    drawing = run_figure(
+        [DrawnRun(name, recording)], scene.model, title=f"{name} on shown/{case.name}", width=SCREEN_WIDTH
+    )
+    depth = drawing.axes[2]
     depth.plot(recording.time, 1e3 * far, "k--", linewidth=0.9, label=f"closed form ({law})")
     depth.set_xlim(0.0, 1.5 * recording.time[np.argmax(far < 0.01 * far[0])])
     depth.legend(loc="upper right", fontsize="x-small", frameon=False)
-    return made
+    return drawing
 
 
 for check in OWN_CHECKS:

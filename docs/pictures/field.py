@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.discovery import resolve
 from hapticeval.reports.canvas import INK, MM, QUIET, THEME, figure
-from hapticeval.reports.paper_figure import clearest_coordinates
+from hapticeval.reports.run_figure import clearest_coordinates
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 

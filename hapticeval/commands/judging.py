@@ -94,7 +94,6 @@ Exit codes:
   0  the reports are written, whatever they say
   1  interrupted: pages are without the figures that were not drawn yet
   2  wrong usage, no results in the folder, or no reports can be written there
-  4  --figures: no run matches
 """
 
 
@@ -348,14 +347,6 @@ def report(
     single_file: Annotated[
         bool, typer.Option("--single-file", help="Write report.html, which holds all pages, in place of report/.")
     ] = False,
-    figures: Annotated[
-        list[str] | None,
-        option(
-            "--figures",
-            metavar="GLOB",
-            help="Write the figures of the runs suite/case/renderer that match as SVG and PDF too; may be repeated.",
-        ),
-    ] = None,
 ) -> None:
     """Write the reports of an earlier run anew, from its results.
 
@@ -363,14 +354,13 @@ def report(
     Examples:
       hapticeval report results
       hapticeval report results --single-file
-      hapticeval report results --figures 'thesis/star-*/constraint'
     """
     from hapticeval.api import Results
     from hapticeval.runner.interrupts import Interrupts
 
     results = Results.read(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        written = _write_reports(results, terminal, interrupts, single_file=single_file, figures=figures or ())
+        written = _write_reports(results, terminal, interrupts, single_file=single_file)
     if written is not None:
         say(wrote_lines(written[1:]))
     raise typer.Exit(int(interrupts.count > 0))

@@ -301,8 +301,8 @@ def _draw_counterexample(
 
     None where the time is `over` before the renderer has answered.
     """
-    from hapticeval.reports.canvas import in_style, save_figure
-    from hapticeval.reports.run_figure import Mark, run_figure
+    from hapticeval.reports.canvas import save_figure
+    from hapticeval.reports.run_figure import SCREEN_WIDTH, DrawnRun, Mark, run_figure
     from hapticeval.search.counterexample import line
     from hapticeval.search.trial import RENDERER, Bench, Stopped, record_case
 
@@ -315,11 +315,11 @@ def _draw_counterexample(
         return None
     if recording is None:
         return []
-    # The time that the verdict names, ringed as failed.
-    marks = [] if counterexample.fault.time is None else [Mark(1, counterexample.fault.time, True)]
+    # The time that the verdict names, ringed.
+    marks = [] if counterexample.fault.time is None else [Mark(counterexample.fault.time)]
     model, title = counterexample.case.build_scene().model, f"{counterexample.renderer}: {line(counterexample)}"
-    with in_style():
-        return save_figure(run_figure(recording, model, marks=marks, title=title), suite.parent, suite.stem)[:1]
+    run = DrawnRun(counterexample.renderer, recording, marks)
+    return save_figure(run_figure([run], model, title=title, width=SCREEN_WIDTH), suite.parent, suite.stem)[:1]
 
 
 def _replay_kept(folder: Path, renderers: list[str] | None) -> int:

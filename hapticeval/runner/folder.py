@@ -26,7 +26,7 @@ DOCUMENTS = {
 LOCK = "run.lock"
 """The file that locks a folder where the system cannot lock the folder itself; it holds the process that writes."""
 
-REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
+REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables")
 """What reports leave in a folder: the next run there removes them."""
 
 

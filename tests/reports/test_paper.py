@@ -6,7 +6,7 @@ from reports_synthetic import synthetic_results
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.reports.grid import Grid, phenomenon_grid
-from hapticeval.reports.paper_figure import paper_fronts, paper_grid
+from hapticeval.reports.paper import paper_fronts, paper_grid
 from hapticeval.study.bench.document import BenchResults, SettingEntry, Times
 
 
