@@ -175,7 +175,6 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (judging.replay, judging.REPLAY_CODES, "Lead renderers along a recorded hand path."),
             (recordings.view, recordings.VIEW_CODES, "Show a recording in a page, with a slider over time."),
             (recordings.convert, recordings.CONVERT_CODES, "Convert foreign files, journals and recordings."),
-            (recordings.compare, recordings.COMPARE_CODES, "Compare the force of runs that no clock can align."),
         ),
         "Beside these": (
             (judging.merge, judging.MERGE_CODES, "Make one run of several, as of its shards."),

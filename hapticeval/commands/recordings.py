@@ -1,11 +1,9 @@
-"""The commands that read recordings: inspect, convert, compare, view."""
+"""The commands that read recordings: inspect, convert, view."""
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,16 +22,13 @@ from hapticeval.commands.arguments import (
     load_within,
     model_named,
     option,
-    parse_point,
 )
 from hapticeval.commands.terminal import lines, paragraphs, say, wrote_lines
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import DEFAULT_LIMIT
 
 if TYPE_CHECKING:
-    from hapticeval.geometry.curve import Curve
-    from hapticeval.recordings.compare.align import Run
     from hapticeval.recordings.formats import Table
     from hapticeval.recordings.integrity.consistency import ConsistencyTest
     from hapticeval.recordings.recording import Recording
@@ -51,12 +46,6 @@ Exit codes:
   0  converted
   1  converted, but rows are lost or masked, the run ended early, or something is suspicious
   2  wrong usage, or unreadable; nothing is written
-"""
-
-COMPARE_CODES = """\b
-Exit codes:
-  0  aligned and drawn, and compared where there are repeats; or no renderers to compare
-  2  wrong usage or input, or a renderer without repeats to compare it by
 """
 
 
@@ -111,7 +100,7 @@ def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> 
     """Show the columns, and a mapping to begin with."""
     from hapticeval.files import creating, writing
     from hapticeval.recordings.formats import formats
-    from hapticeval.recordings.importing.mapping import propose
+    from hapticeval.recordings.importing.proposal import propose
 
     text = propose(table, file=file.name)
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
@@ -139,7 +128,7 @@ def _examine_recording(
     from hapticeval.recordings.integrity.contacts import impacts
     from hapticeval.recordings.integrity.report import describe_contacts, describe_report, examine, sound_intervals
     from hapticeval.recordings.provenance import spring_of
-    from hapticeval.reports.spread_figure import write_integrity
+    from hapticeval.reports.integrity_figure import write_integrity
 
     # N/m where the force is that of a spring alone; else None, and the damping in words.
     spring, damped = spring_of(recording)
@@ -256,114 +245,6 @@ def convert(
     export(output, recording)
     say(f"{describe_conversion(recording)}\nwrote {output}")
     raise typer.Exit(int(incomplete(recording)))
-
-
-def compare(
-    files: Annotated[
-        list[str],
-        argument(metavar="[RENDERER=]FILE...", help="Recordings; those of one renderer are its repeats."),
-    ],
-    by: Annotated[
-        str,
-        typer.Option(
-            metavar="WHAT",
-            help="angle (of the HIP), arc (length along the model), or a phase as CHANNEL:COLUMN.",
-        ),
-    ] = "angle",
-    centre: Annotated[str, typer.Option(metavar="X,Y", help="What the angle is about, m.")] = "0,0",
-    model: Annotated[
-        str | None, option(metavar="MODEL", help="What was touched, where the recordings do not say.")
-    ] = None,
-    split: Annotated[
-        bool, typer.Option("--split", help="Take a run that turns back as a pass of its own for each way.")
-    ] = False,
-    mapping: MappingFile = None,
-    format_: FormatName = None,
-    memory_limit: MemoryLimit = DEFAULT_LIMIT,
-    directory: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
-    ] = Path(),
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the permutation test.", min=0)] = 0,
-) -> None:
-    """Compare direction and size of the force across runs that no clock can align.
-
-    Two renderers differ only as far as they differ by more than the repeats of one of them do. Record them in turns:
-    what drifts from the first run to the last would else count as theirs.
-
-    A permutation test at 5 per cent decides. 4 and 4 repeats are dealt to two renderers in 70 ways, of which 2 part
-    them as they were recorded, so p is 2/70 or more: 4 and 3 are the fewest that can tell. Both ways, with --split,
-    are two tests, and p is doubled: 5 and 3 are the fewest, and beside 4 of one it takes 5 of the other. Three
-    renderers take 5, 5 and 4 runs, one way or both. Where there are too few, what is printed says how many more.
-
-    \b
-    Examples:
-      hapticeval compare constraint-*.h5 mapping-*.h5 -o comparison
-      hapticeval compare --by arc --model star constraint=a.h5 constraint=b.h5 mapping=c.h5 mapping=d.h5
-    """
-    from hapticeval.recordings.compare.align import Abscissa, align
-    from hapticeval.recordings.compare.spread import compare as compared
-    from hapticeval.recordings.memory import limited
-    from hapticeval.reports.spread_figure import summary, write_spread
-
-    with limited(memory_limit):
-        runs = [_read_run(file, mapping, format_) for file in files]
-    # m: what the polar angle is about.
-    x, y = (float(coordinate) for coordinate in parse_point(centre, 2, option="--centre"))
-    abscissa = Abscissa(by, centre=(x, y), curve=_touched_curve(model, runs))
-    aligned = align(runs, abscissa, split=split)
-    refused: HapticevalError | None = None
-    try:
-        comparisons = compared(aligned, seed=seed)
-    except InputError as error:
-        # Drawn without a comparison; the reason is raised below, if there are renderers to compare.
-        refused, comparisons = error, ()
-    written = write_spread(directory, aligned, comparisons)
-    say(paragraphs(summary(aligned, comparisons), wrote_lines(written)))
-    if refused is not None and len({run.renderer for run in runs}) > 1:
-        raise refused
-
-
-def _read_run(text: str, mapping: Path | None, format_: str | None) -> Run:
-    """Read `[RENDERER=]FILE` as a run. Raises `InputError` where neither says the renderer."""
-    from hapticeval.hardware.logs import load
-    from hapticeval.recordings.compare.align import Run
-    from hapticeval.recordings.importing.convert import is_ours
-
-    renderer, equals, name = text.partition("=")
-    file = Path(name if equals else text)
-    recording = load(file, mapping=None if is_ours(file) else mapping, format=format_)
-    recording.require("hip", "force")
-    renderer_name = renderer if equals else recording.meta.get("renderer")
-    if not isinstance(renderer_name, str) or not renderer_name:
-        raise InputError(
-            f"{file} does not say its renderer",
-            why="repeats of one renderer belong together",
-            todo=f"name it: constraint={file}",
-        )
-    return Run(str(file), renderer_name, recording)
-
-
-def _touched_curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
-    """The model's outline: the given one, else the one that all recordings name."""
-    from hapticeval.geometry.catalogue import make_model
-    from hapticeval.recordings.provenance import model_of
-
-    if model is not None:
-        return model_named(model).curve
-    models = [model_of(run.recording) for run in runs]
-    # Equal as text, whatever the order of their parameters.
-    distinct = {json.dumps(model, sort_keys=True, default=str) for model in models}
-    if len(distinct) > 1:
-        raise InputError(
-            "the recordings are of different models",
-            why="what is felt is compared at places of one model",
-            todo="compare runs on one model, or say with --model which it was",
-        )
-    document = models[0] if models else None
-    if document is None:
-        return None
-    touched = make_model(**document)
-    return touched.curve if touched.dimension == 2 else None
 
 
 VIEW_CODES = """\b

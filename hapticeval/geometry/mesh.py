@@ -52,7 +52,7 @@ class Mesh(SurfaceInSpace):
         order = build.leaf_order(positions, rows)
         faces, table, problem, triangle = build.build_tables(positions, rows, across, order)
         if problem:
-            refuse_triangle(problem, triangle, rows)
+            refuse_triangle(problem, triangle, positions[rows[triangle]])
         tree = build.build_tree(faces, table)
         check_crossings(faces, table, tree, order)
         self.tables = faces, table, tree

@@ -17,7 +17,7 @@ import numpy as np
 
 from hapticeval.errors import InputError, UnknownNameError, at, in_m, unreadable
 from hapticeval.geometry import mesh_build as build
-from hapticeval.geometry.validate import SMALLEST_SIZE, check_range, not_finite_error
+from hapticeval.geometry.validate import check_range, not_finite_error
 from hapticeval.types import Array, IntArray
 
 MOST_TRIANGLES = 5_000_000
@@ -25,23 +25,20 @@ MOST_TRIANGLES = 5_000_000
 SUSPECT_BATCH = 4096
 """Pairs of triangles that are looked at together for whether they cross."""
 
-ON_EDGE = 1e-6
-"""How far from an edge a vertex still lies on it, as a share of coordinates: ten roundings of the single precision of
-STL files. It chooses words only: the mesh is refused either way."""
-
 EDGE_WORDS = ("first", "second", "third")
 REPAIR = "in MeshLab: Filters > Cleaning and Repairing; in Python: trimesh.repair"
 
 PROBLEMS = {
     build.FLAT_TRIANGLE: (
-        "is degenerate: its corners lie on one straight line",
+        "at {from_} is degenerate: its corners lie on one straight line",
         "it has no area, and so no normal",
         "collapse its shortest edge, or remove it and close the gap",
     ),
     build.OPEN: (
         "has no neighbour across its {edge} edge, {from_} to {to}: the mesh is open",
         "only a closed surface has an inside",
-        "close the hole, or merge corners there that should be one point ({repair})",
+        "close the hole; merge corners that should be one point; divide the triangle where a corner of another lies in "
+        "the middle of that edge, a T-junction ({repair})",
     ),
     build.SHARED: (
         "shares its {edge} edge, {from_} to {to}, with more than one other: the mesh is not a manifold",
@@ -54,17 +51,17 @@ PROBLEMS = {
         "turn one of them: swap two of its corners (trimesh.repair.fix_winding)",
     ),
     build.PINCHED: (
-        "is in one of several fans that touch in a single vertex, {from_}: the mesh is not a manifold",
+        "is in one of several fans that touch in a single point, {from_}: the mesh is not a manifold",
         "the surface is pinched to a point there",
-        "split the vertex, and move the copies apart",
+        "split the vertex there, and move the copies apart",
     ),
     build.OTHER_PART: (
-        "belongs to another part than triangle 0",
+        "at {from_} belongs to another part than triangle 0",
         "a model is bounded by one connected surface",
         "give each part as a model of its own, or join them by a boolean union; remove closed voids inside",
     ),
     build.FOLDED: (
-        "is folded flat onto a neighbour",
+        "at {from_} is folded flat onto a neighbour",
         "the solid between them has no thickness",
         "remove both, or move their corners apart",
     ),
@@ -113,7 +110,11 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
     # one vertex for two corners: no area
     twice = np.flatnonzero((array == np.roll(array, 1, axis=1)).any(axis=1))
     if twice.size:
-        refuse_triangle(build.FLAT_TRIANGLE, int(twice[0]), array)
+        raise InputError(
+            f"triangle {twice[0]} has one vertex for two of its corners",
+            why="it has no area, and so no normal",
+            todo="remove it, and close the gap",
+        )
     return np.ascontiguousarray(array)
 
 
@@ -137,14 +138,11 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
     # vertices that no triangle has do not count
     check_range(positions[used])
     across, problem, triangle, corner = build.join_neighbours(positions.shape[0], triangles)
-    # a T-junction leaves edges open too, and has a message of its own
-    if problem == build.OPEN:
-        _refuse_t_junction(positions, triangles, triangle, corner)
     if problem:
-        refuse_triangle(problem, triangle, triangles, corner)
+        refuse_triangle(problem, triangle, positions[triangles[triangle]], corner)
     detached = build.other_component(across)
     if detached >= 0:
-        refuse_triangle(build.OTHER_PART, detached, triangles)
+        refuse_triangle(build.OTHER_PART, detached, positions[triangles[detached]])
     if build.volume(positions, triangles) <= 0.0:
         raise InputError(
             "the mesh is inside out, or encloses nothing: triangle 0 and all others show their inner side",
@@ -152,37 +150,6 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
             todo="swap two corners of every triangle (trimesh.repair.fix_inversion)",
         )
     return across
-
-
-def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, corner: int) -> None:
-    """Raise `InputError` where the open edge ends in the middle of another one, or another one in the middle of it."""
-    rows = np.repeat(np.arange(len(triangles)), 3)
-    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    _, numbers, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    # edges that one triangle alone has
-    is_open = counts[numbers.ravel()] == 1
-    open_edge = edges[3 * triangle + corner][None]
-    rows, edges = rows[is_open][:SUSPECT_BATCH], edges[is_open][:SUSPECT_BATCH]
-    # vertices of this edge on another open one, and other vertices on this one
-    pairs = [(edge, row, vertex) for vertex in open_edge.ravel() for edge, row in zip(edges, rows, strict=True)]
-    pairs += [(open_edge[0], triangle, vertex) for vertex in np.unique(edges)]
-    for edge, row, vertex in pairs:
-        if vertex not in edge and _lies_on(positions[vertex], *positions[edge]):
-            raise InputError(
-                f"vertex {vertex} lies on an edge of triangle {row}, between vertices {edge[0]} and {edge[1]}: "
-                "the mesh has a T-junction, and is open there",
-                why="triangles are neighbours where they share both ends of an edge; none may end in its middle",
-                todo=f"divide triangle {row} at vertex {vertex}, or export the mesh without T-junctions ({REPAIR})",
-            )
-
-
-def _lies_on(point: Array, start: Array, end: Array) -> bool:
-    """Whether a point lies between the ends of an edge, to the rounding of single precision."""
-    edge, size = end - start, float(np.max(np.abs([start, end])))
-    length = max(float(np.linalg.norm(edge)), SMALLEST_SIZE)
-    share = float((point - start) @ edge) / length**2
-    # between the ends, and as far from the line as single precision rounds coordinates
-    return 0.0 < share < 1.0 and float(np.linalg.norm(point - start - share * edge)) <= ON_EDGE * max(size, length)
 
 
 def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray) -> None:
@@ -212,14 +179,14 @@ def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray)
                     )
 
 
-def refuse_triangle(problem: int, triangle: int, triangles: IntArray, corner: int = 0) -> NoReturn:
-    """Raise the `InputError` that names the triangle, a row of `triangles` (t, 3), and how to mend it."""
+def refuse_triangle(problem: int, triangle: int, corners: Array, corner: int = 0) -> NoReturn:
+    """Raise the `InputError` that names a triangle, by its number and the places (3, 3) of its corners, m."""
     what, why, todo = PROBLEMS[problem]
-    row = triangles[triangle]
+    places = [in_m(place) for place in corners.tolist()]
     words = {
         "edge": EDGE_WORDS[corner],
-        "from_": f"vertex {row[corner]}",
-        "to": f"vertex {row[(corner + 1) % 3]}",
+        "from_": places[corner],
+        "to": places[(corner + 1) % 3],
         "repair": REPAIR,
     }
     raise InputError(f"triangle {triangle} {what.format(**words)}", why=why, todo=todo.format(**words))

@@ -48,7 +48,7 @@ def difference(recording: Recording, reference: Recording) -> Difference:
         raise InputError(
             "the two recordings have no sample at the same time",
             why="runs are compared sample by sample, and nothing is interpolated",
-            todo="compare runs of different hands with `hapticeval compare`, by angle or arc length",
+            todo="compare a run with its own replay: hapticeval replay",
         )
     distances: dict[str, Apart | None] = {"ihip": None, "force": None}
     for name in distances.keys() & recording.channels.keys() & reference.channels.keys():

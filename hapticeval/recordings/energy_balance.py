@@ -1,4 +1,4 @@
-"""The energy that crosses a port, held against what a passive environment may have stored.
+"""The energy that crosses a port, compared with what a passive environment may have stored.
 
 What a passive environment gives to the hand it was given before, or had stored. With F the force on the hand, which is
 at x, it has given by t1, since t0,
@@ -13,12 +13,11 @@ Two kinds of t0 and t1 bound the right side without knowing what is behind the p
                         W <= max |F| |x1 - x0|. The forces at the ends alone say less: a latch lies between them, and
                         a hand that turns round feels a mass beside the spring.
     From free space on  where the force is zero for long and to the bit, it is computed, and no spring is loaded in it:
-                        S(t0) = 0, and W <= 0 at every t1. (A magnet that begins at a distance has stored energy there,
-                        and gives it first: that is taken for a wrong sign where the hand does not pull it out again.)
+                        S(t0) = 0, and W <= 0 at every t1.
 
 W is the trapezoid: over a linear spring that is exact, so that what a sampled wall gives away by holding its force
 (half a step's worth) does not count as the environment's. A force may come up to `LAG_TICKS` late, as a proxy's does:
-it is judged at every such lag, and all must agree.
+it is judged at every such lag, and the least counts.
 
 What is beyond these bounds has to be beyond what the numbers resolve, too: `_Port.open` has the terms of rounding,
 noise and delay, `_Port.kinetic` that of a rest which is not quite one.
@@ -70,29 +69,11 @@ class EnergyGift:
         return not self.energy > self.open
 
 
-@dataclass(frozen=True)
-class PassivityTest:
-    """The largest gifts with the force as it is and with its sign turned, over a stretch."""
+def balance(place: Array, force: Array, time: Array) -> tuple[EnergyGift, ...]:
+    """Return the largest gift over a stretch without gaps, at each lag that a force on the hand may have.
 
-    as_logged: EnergyGift
-    turned: EnergyGift
-
-    @property
-    def sign(self) -> int:
-        """1 if the logged sign is passive and the opposite one is not, -1 for the reverse, 0 if undecided."""
-        return int(self.as_logged.explained) - int(self.turned.explained)
-
-    @property
-    def active(self) -> EnergyGift:
-        """The gift with the sign that is not passive."""
-        return self.turned if self.sign > 0 else self.as_logged
-
-
-def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[PassivityTest, ...]:
-    """Balance the energy that crosses a stretch without gaps, at each lag that a force on the hand may have.
-
-    `place` (n, N), m, `force` (n, N), N, and `time` (n,), s, are of a stretch; `floor` (N) is what the sensor may read
-    in free motion. Empty where no two rows bound what is stored.
+    `place` (n, N), m, `force` (n, N), N, and `time` (n,), s, are of a stretch. Empty where no two rows bound what is
+    stored.
     """
     if len(time) < 2:
         return ()
@@ -100,23 +81,22 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     rests, share = _resting(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST_RESTS))]
-    balances = []
+    gifts = []
     # Shifted by each lag that a proxy may have: the force at row k + lag belongs to the place at row k.
     for lag in range(LAG_TICKS + 1):
         end = len(time) - lag
-        port = _Port(place[:end], force[lag:], steps, floor, share)
-        from_free = [row - lag for row in free if row >= lag]
-        as_logged, turned = (port.largest(sign, rests[rests < end], from_free) for sign in (1.0, -1.0))
-        if as_logged is None or turned is None:
+        port = _Port(place[:end], force[lag:], steps, share)
+        gift = port.largest(rests[rests < end], [row - lag for row in free if row >= lag])
+        if gift is None:
             return ()
-        balances.append(PassivityTest(as_logged, turned))
-    return tuple(balances)
+        gifts.append(gift)
+    return tuple(gifts)
 
 
 class _Port:
     """Sums along a stretch: what crossed, and what of it rounding and noise leave open."""
 
-    def __init__(self, place: Array, force: Array, steps: tuple[float, float], floor: float, share: float) -> None:
+    def __init__(self, place: Array, force: Array, steps: tuple[float, float], share: float) -> None:
         moved, turned = np.diff(place, axis=0), np.diff(force, axis=0)
         # Trapezoid of F . dx over each step, J: exact over a linear spring.
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
@@ -128,7 +108,7 @@ class _Port:
         self.kinetic = share**2 * float(np.ptp(self.work))
         # Half a quantum in each of N directions.
         rounding = 0.5 * math.sqrt(place.shape[1])
-        self.position, self.reading = rounding * steps[0], floor + rounding * steps[1]
+        self.position, self.reading = rounding * steps[0], rounding * steps[1]
         self.noise = NOISE_DEVIATIONS * noise_deviation(force, order=2)
 
     def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
@@ -136,7 +116,7 @@ class _Port:
         return np.asarray(
             # Position: a rounding of q / 2 makes (q / 2) (sum of |dF| + |F0| + |F1|), by summation by parts.
             self.position * (self.force_path[last] - self.force_path[first] + self.size[first] + self.size[last])
-            # Force: a rounding of f / 2, and the reading that free motion may have, times the path.
+            # Force: a rounding of f / 2, times the path.
             + self.reading * (self.path[last] - self.path[first])
             # White noise of deviation s makes `NOISE_DEVIATIONS` s sqrt(sum of dx^2).
             + self.noise * np.sqrt(np.maximum(self.steps_squared[last] - self.steps_squared[first], 0.0))
@@ -145,34 +125,29 @@ class _Port:
             + DELAY_SHARE * (self.crossed[last] - self.crossed[first])
         )
 
-    def largest(self, sign: float, rests: IntArray, free: list[int]) -> EnergyGift | None:
+    def largest(self, rests: IntArray, free: list[int]) -> EnergyGift | None:
         """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored.
 
-        `sign` is 1 for the force as it is and -1 for its opposite; `rests` (k,) are rows at rest, `free` rows without a
-        force. The energies are in J, of forces in N.
+        `rests` (k,) are rows at rest, `free` rows without a force. The energies are in J, of forces in N.
         """
-        return max(
-            [*self._rests(sign, rests), *self._free(sign, free)], key=lambda violation: violation.excess, default=None
-        )
+        return max([*self._rests(rests), *self._free(free)], key=lambda gift: gift.excess, default=None)
 
-    def _rests(self, sign: float, rests: IntArray) -> Iterator[EnergyGift]:
+    def _rests(self, rests: IntArray) -> Iterator[EnergyGift]:
         """Yield the largest gift between two rows at rest, in J: W - max |F| |x1 - x0| against what is open."""
         if rests.size < 2:
             return
         a, b = (rests[indices] for indices in np.triu_indices(rests.size, 1))
         # J: no force larger than the largest that was felt can be taken on the straight path back from b to a.
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
-        energy, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
+        energy, left = self.work[b] - self.work[a] - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(energy - left))
         yield EnergyGift(float(energy[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
-    def _free(self, sign: float, free: list[int]) -> Iterator[EnergyGift]:
+    def _free(self, free: list[int]) -> Iterator[EnergyGift]:
         """Yield the largest gift from a row free of force on, in J: W against what is open."""
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
-        sums = (
-            sign * self.work - self.position * self.force_path - self.reading * self.path - DELAY_SHARE * self.crossed
-        )
+        sums = self.work - self.position * self.force_path - self.reading * self.path - DELAY_SHARE * self.crossed
         # The best end for each begin: the running maximum from the right.
         ends = np.maximum.accumulate((sums - self.position * self.size)[::-1])[::-1]
         upper_bounds = {
@@ -185,12 +160,11 @@ class _Port:
             if best is not None and upper_bounds[first] <= best.excess:
                 break
             rows = slice(first + 1, None)
-            energy, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
+            energy, left = self.work[rows] - self.work[first], self.open(first, rows)
             row = int(np.argmax(energy - left))
-            violation = EnergyGift(
-                float(energy[row]), float(left[row]), first, first + 1 + row, "free of force at the first"
-            )
-            best = max(best or violation, violation, key=lambda violation: violation.excess)
+            last, how = first + 1 + row, "free of force at the first"
+            gift = EnergyGift(float(energy[row]), float(left[row]), first, last, how)
+            best = max(best or gift, gift, key=lambda gift: gift.excess)
         if best is not None:
             yield best
 

@@ -13,4 +13,4 @@ def here(tmp_path, monkeypatch):
 @pytest.fixture
 def unpictured(monkeypatch):
     """`inspect` draws no picture, which takes ten times as long as all that is found; other tests look at it."""
-    monkeypatch.setattr("hapticeval.reports.spread_figure.write_integrity", lambda *_, **__: [])
+    monkeypatch.setattr("hapticeval.reports.integrity_figure.write_integrity", lambda *_, **__: [])

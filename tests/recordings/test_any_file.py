@@ -88,7 +88,7 @@ WRITERS = {
 def folder(tmp_path_factory):
     """A folder for the files; what is readable is drawn once, and not in two formats."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hapticeval.reports.spread_figure.save_figure", partial(save_figure, kinds=("svg",)))
+        patch.setattr("hapticeval.reports.integrity_figure.save_figure", partial(save_figure, kinds=("svg",)))
         yield tmp_path_factory.mktemp("files")
 
 

@@ -13,7 +13,8 @@ from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.recordings.importing.convert import convert, export, is_ours, load
-from hapticeval.recordings.importing.mapping import clocks, parse_mapping, propose, read_mapping
+from hapticeval.recordings.importing.mapping import parse_mapping, read_mapping
+from hapticeval.recordings.importing.proposal import clocks, propose
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
 from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.quantization import coarsest
@@ -400,3 +401,76 @@ def test_numbers_that_nothing_holds_are_refused_by_name(refused, time, hip):
     channel = {"columns": ["x"], "unit": "m", "sign": 1, **hip}
     with refused(InputError):
         convert(table, parse_mapping({"time": time, "channels": {"hip": channel}}))
+
+
+def proposed(*names, values=None, **more):
+    """The channels that are proposed for columns of these names, and the columns of each."""
+    moving = np.cumsum(np.random.default_rng(1).standard_normal((len(names), 40)), axis=1)
+    columns = {"time": 1e-3 * np.arange(40), **dict(zip(names, moving if values is None else values, strict=True))}
+    channels = tomllib.loads(propose(Table(columns, **more))).get("channels", {})
+    return {channel: spec["columns"] for channel, spec in channels.items()}
+
+
+def axes(stem, parts="xyz"):
+    return [f"{stem}{part}" for part in parts]
+
+
+def test_words_count_whole_and_the_best_vector_is_the_hand():
+    """What `ros2 bag` gives beside a pose: a level is no velocity, a sequence number no torque and no hand."""
+    pose, force = axes("/tip_pose.pose.position."), axes("/ft.wrench.force.")
+    names = ["/rosout.level", "/tip_pose.header.seq", *pose, *axes("/tip_pose.pose.orientation.", "xyzw")]
+    assert proposed(*names, *force, *axes("/ft.wrench.torque.")) == {"hip": pose, "force": force}
+
+
+def test_a_quaternion_is_no_set_of_joints_and_a_goal_no_hand():
+    hand = axes("ee_pos_")
+    assert proposed(*axes("q", "xyzw"), *axes("goal_pos_"), *hand) == {"hip": hand}
+    assert proposed(*axes("q")) == {}
+    assert proposed("q1", "q2", "tau1", "tau2") == {"joint_position": ["q1", "q2"], "joint_torque": ["tau1", "tau2"]}
+
+
+def test_nothing_is_proposed_where_no_name_is_like_a_channel():
+    assert proposed("velvet", "positron", "forceps", "hipster", "level", "battery_voltage") == {}
+
+
+def test_a_unit_of_something_else_excludes_a_channel():
+    assert proposed("pos_x", "pos_y", units={"pos_x": "N", "pos_y": "N"}) == {}
+    assert proposed("grip", units={"grip": "N"}, notes={"grip": "finger force"}) == {"force": ["grip"]}
+
+
+def test_counts_and_commands_are_proposed_with_the_device_that_gives_them_meaning(tmp_path):
+    counts = np.rint(1000.0 * np.sin(np.arange(40) / 7.0)[None] * [[1], [2]]).astype(int)
+    columns = {
+        "t": 1e-3 * np.arange(40),
+        "enc1": counts[0],
+        "enc2": counts[1],
+        "u1": 0.1 * counts[1],
+        "u2": 0.2 * counts[0],
+    }
+    text = propose(Table(columns))
+    document = tomllib.loads(text)
+    assert document["channels"]["raw"] == {"columns": ["enc1", "enc2"], "unit": "counts"}
+    assert document["channels"]["command"] == {"columns": ["u1", "u2"], "unit": "?"}
+    assert document["device"]["kind"] == "parallelogram-2dof"
+    answered = text.replace('counts_per_turn = "?"', "counts_per_turn = 4000").replace('unit = "?"', 'unit = "N m"', 1)
+    answered = answered.replace('torque_per_command = "?"', "torque_per_command = 1.0").replace(
+        'unit = "?"', 'unit = "V"'
+    )
+    mapping = parse_mapping(tomllib.loads(answered.replace('unit = "N m"', 'unit = "s"', 1)))
+    assert mapping.channels["raw"].factor == (1.0, 1.0)
+
+
+def test_a_clock_without_a_name_is_one_by_its_even_step():
+    columns = {"a": 7.0 + 0.002 * np.arange(50), "x": np.sin(np.arange(50.0)), "y": np.cos(np.arange(50.0))}
+    text = propose(Table(columns))
+    assert tomllib.loads(text)["time"]["column"] == "a"
+    assert "rises by an even step" in text
+    assert clocks(Table({"x": np.sin(np.arange(50.0))})) == []
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_a_time_since_1970_shows_its_unit(unit, factor):
+    stamps = 1_700_000_000 * factor + np.arange(50)
+    text = propose(Table({"stamp": stamps, "x": np.sin(np.arange(50.0))}))
+    assert tomllib.loads(text)["time"]["unit"] == unit
+    assert "2023-11-14" in text

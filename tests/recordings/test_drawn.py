@@ -1,8 +1,9 @@
 """What recordings' core makes of drawn numbers is what it made before: energies, quanta and clocks of every kind.
 
-Nothing here is right or wrong by itself: the definitions are in `test_signs.py` and `test_recording_by_definition.py`.
-What is drawn covers what these leave out, such as which of several rests is the worst. Where a change means to change
-a number, run this file with HAPTICEVAL_PUBLISH=1 and look at the difference in `drawn.csv`.
+Nothing here is right or wrong by itself: the definitions are in `test_energy_balance.py` and
+`test_recording_by_definition.py`. What is drawn covers what these leave out, such as which of several rests is the
+worst. Where a change means to change a number, run this file with HAPTICEVAL_PUBLISH=1 and look at the difference in
+`drawn.csv`.
 """
 
 from __future__ import annotations
@@ -47,11 +48,10 @@ def energies(rng: np.random.Generator) -> Facts:
     free = [end for first, end in runs if end - first >= 20 and end < count]
     if free and rng.integers(2):  # to the row after the hand has left free space
         place, force, time = (values[: free[-1] + 1] for values in (place, force, time))
-    for lag, test in enumerate(balance(place, force, time, floor=float(rng.choice([0.0, 0.05])))):
-        yield f"sign.{lag}", test.sign
-        for name, violation in (("logged", test.as_logged), ("turned", test.turned)):
+    for name, sign in (("logged", 1.0), ("turned", -1.0)):
+        for lag, gift in enumerate(balance(place, sign * force, time)):
             for field in ("energy", "open", "first", "last", "explained", "how"):
-                yield f"{name}.{lag}.{field}", getattr(violation, field)
+                yield f"{name}.{lag}.{field}", getattr(gift, field)
 
 
 def quanta(rng: np.random.Generator) -> Facts:

@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording_files import matlab73, matrix73
-from scipy.io import loadmat, savemat
+from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.extras import install_command
 from hapticeval.recordings.formats import read_table
-from hapticeval.recordings.formats.matlab import Variables
 from hapticeval.recordings.importing.convert import convert
-from hapticeval.recordings.importing.mapping import parse_mapping, propose
+from hapticeval.recordings.importing.mapping import parse_mapping
+from hapticeval.recordings.importing.proposal import propose
 
 T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])
@@ -42,7 +42,10 @@ def opaque(name, kind):
     def text(word):
         return struct.pack("<II", 1, len(word)) + word.encode() + bytes(-len(word) % 8)
 
+    handle = struct.pack("<IIII", 6, 8, 13, 0) + struct.pack("<IIII", 5, 8, 6, 1) + struct.pack("<II", 1, 0)
+    handle += struct.pack("<II6I", 6, 24, 0xDD000000, 2, 1, 1, 1, 1)
     body = struct.pack("<IIII", 6, 8, 17, 0) + text(name) + text("MCOS") + text(kind)
+    body += struct.pack("<II", 14, len(handle)) + handle
     return struct.pack("<II", 14, len(body)) + body
 
 
@@ -139,36 +142,7 @@ EVERYTHING = {
 }
 
 
-def as_scipy_gives_it(path, order="F"):
-    """The columns and attributes of a file, by scipy's reader, which takes sizes in a file for true."""
-    variables = Variables()
-
-    def walk(name, value):
-        if value.dtype.names is None and value.dtype != object:
-            variables.add(name, value)
-            return
-        for place, item in enumerate(value.ravel(order=order)):
-            bracket = "" if value.size == 1 else f"[{place}]" if value.dtype.names else f"{{{place}}}"
-            for part in value.dtype.names or ("",):
-                walk(f"{name}{bracket}.{part}" if part else f"{name}{bracket}", item[part] if part else item)
-
-    for name, value in loadmat(path).items():
-        if not name.startswith("__"):
-            walk(name, value)
-    return variables.table()
-
-
-@pytest.mark.parametrize("packed", [False, True])
-def test_matlab_files_are_read_as_scipy_reads_them(tmp_path, packed):
-    savemat(tmp_path / "a.mat", EVERYTHING, do_compression=packed)
-    ours, theirs = read_table(tmp_path / "a.mat"), as_scipy_gives_it(tmp_path / "a.mat")
-    assert list(ours.columns) == list(theirs.columns)
-    assert ours.attributes == theirs.attributes
-    for name in theirs.columns:
-        assert ours[name].tolist() == theirs[name].tolist()
-
-
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(
     hurt=st.lists(
         st.tuples(
@@ -179,8 +153,8 @@ def test_matlab_files_are_read_as_scipy_reads_them(tmp_path, packed):
         max_size=4,
     )
 )
-def test_a_damaged_matlab_file_costs_a_variable_or_is_refused(tmp_path_factory, hurt):
-    """One in sixty of these ended the process by a segmentation fault in scipy's reader."""
+def test_a_damaged_matlab_file_is_read_or_refused(tmp_path_factory, hurt):
+    """One in sixty of these ends a process by a segmentation fault in scipy's reader."""
     path = tmp_path_factory.mktemp("mat") / "a.mat"
     savemat(path, EVERYTHING | {"sparse": csc_matrix(np.eye(4)), "both": T + 1j * T})
     data = bytearray(path.read_bytes())

@@ -9,7 +9,7 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.recordings import formats as registry
 from hapticeval.recordings.formats import Table, importer, read_table
 from hapticeval.recordings.formats.text import is_whole
-from hapticeval.recordings.importing.mapping import clocks
+from hapticeval.recordings.importing.proposal import clocks
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 NAN = float("nan")
@@ -143,7 +143,6 @@ LOG = "TIME POSITION FORCE BUTTONS\n0.00000 0.10000 0.20000 0.30000 0.00000 -1.5
 
 def test_a_devicelog_has_three_numbers_per_vector(table):
     found = table(LOG + LOG.splitlines()[1].replace("0.0", "0.1", 1) + "\n", "log.txt")
-    assert found.format == "devicelog"
     assert list(found.columns) == ["TIME", *(f"POSITION.{a}" for a in "xyz"), *(f"FORCE.{a}" for a in "xyz"), "BUTTONS"]
     assert found["FORCE.y"].tolist() == [-1.5, -1.5]
     assert dict(found.units) == {"TIME": "s"}
@@ -157,32 +156,57 @@ def hdu(rows, text="(null)"):
 
 def test_an_hdurecord_has_force_first_and_no_clock(table):
     found = table(hdu(4), "record.txt")
-    assert found.format == "hdurecord"
     assert found["force.x"].tolist() == [0.0, 1.0, 2.0, 3.0]
     assert found["position.x"].tolist() == [0.0, 2.0, 4.0, 6.0]
     assert {name: found.units.get(name) for name in ("position.x", "velocity.z", "tick")} == {
         "position.x": "mm", "velocity.z": "mm/s", "tick": None}  # fmt: skip
-    assert table(hdu(3, "0.5, 7"), "record.txt")["text[1]"].tolist() == [7.0, 7.0, 7.0]
-    assert "text" in table(hdu(3, "touching"), "words.txt").warnings[0]
+    assert table(hdu(3, "touching it now"), "words.txt").remarks == ("the application's text is left out",)
     cut = table(hdu(5)[:-12], "record.txt")
     assert cut.rows("tick") == 4
     assert "within line 5" in cut.warnings[0]
 
 
-def svc(promised):
-    rows = (f"{10 + k:.6f} {20 + k:.6f} {0.008 * k:.6f} 1 500.000000 520.000000 0.250000" for k in range(5))
-    return "\n".join([str(promised), *rows])
+def test_a_number_above_the_table_is_none_of_its_rows(table):
+    """As pen tablets write their rows (.svc)."""
+    rows = [f"{10 + k:.6f} {20 + k:.6f} {0.008 * k:.6f} 1 500.000000 520.000000 0.250000" for k in range(5)]
+    found = table("\n".join(["5", *rows]), "a.svc")
+    assert (found.format, found.warnings, found.remarks) == ("csv", (), ("the line '5' above the table is left out",))
+    assert found["c0"].tolist() == [10.0, 11.0, 12.0, 13.0, 14.0]
 
 
-def test_handwriting_promises_its_rows(table):
-    found = table(svc(5), "a.svc")
-    assert (found.format, found.warnings) == ("svc", ())
-    assert found["x"].tolist() == [10.0, 11.0, 12.0, 13.0, 14.0]
-    assert dict(found.units) == {}, "tablets differ: s and mm, or ms and counts"
-    assert "promises 9 rows, 5 are whole" in table(svc(9), "b.svc").warnings[-1]
+@pytest.mark.parametrize(
+    ("text", "names", "remark"),
+    [
+        ("Time, elapsed,x,y\n0,1,2\n1,2,3\n", ["Time, elapsed", "x", "y"], ""),
+        ("t,x,y,\n0,1,2\n1,2,3\n", ["t", "x", "y"], ""),
+        ("t,x,y\n0,1,2,\n1,2,3,\n", ["t", "x", "y"], "'c3' has no number in any row"),
+        ("t,x,y,z\n0,1,2\n1,2,3\n", ["c0", "c1", "c2"], "'t,x,y,z' has 4 cells and the rows 3: it names no column"),
+        ("x y\n1 0.5 0.25\n2 0.5 0.5\n", ["c0", "c1", "c2"], "'x y' has 2 cells and the rows 3"),
+    ],
+)
+def test_a_header_of_another_width_gives_its_names_or_a_remark(table, text, names, remark):
+    found = table(text)
+    assert list(found.columns) == names
+    assert remark in " ".join(found.remarks)
+    assert bool(remark) == bool(found.remarks)
 
 
-@pytest.mark.parametrize("format", [None, "csv", "devicelog", "svc", "hdurecord"])
+def test_decimal_commas_in_quotes_are_decimals(table):
+    found = table('t,x\n"0,0","1,5"\n"0,1","ERR"\n"0,2","2,5"\n')
+    np.testing.assert_array_equal(found["x"], [1.5, NAN, 2.5])
+    assert found["t"].tolist() == [0.0, 0.1, 0.2]
+
+
+def test_labview_names_its_columns_below_the_end_of_its_header(table):
+    text = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    text += "Channels\t2\t\t\nSamples\t3\t3\t\nDelta_X\t0.001\t0.001\t\n***End_of_Header***\t\t\t\n"
+    text += "X_Value\tPosition\tForce\tComment\n" + "".join(f"{k * 1e-3:.6f}\t{k}.5\t{k}.25\n" for k in range(30))
+    found = table(text, "a.lvm")
+    assert list(found.columns) == ["X_Value", "Position", "Force"]
+    assert found["Force"].tolist() == [k + 0.25 for k in range(30)]
+
+
+@pytest.mark.parametrize("format", [None, "csv"])
 @pytest.mark.parametrize("text", ["\n\n\n", "  ", "\r\n \r\n", "# only a remark\n", "1", "POSITION", "t,x\n", "\0\0\0"])
 def test_a_file_without_a_row_has_none(table, format, text):
     try:
@@ -197,7 +221,6 @@ def test_a_file_without_a_row_has_none(table, format, text):
     [
         ("t,x\n0,1\n1,2,3\n", "a.csv"),
         ("x,x\n0,1\n1,2\n", "a.csv"),
-        (LOG + "0.01 0.1\n", "log.txt"),
         ("", "a.csv"),
         ("only words here\nand there\n", "a.csv"),
         *((head + b"\n" * 8, name) for name in ("run.csv", "run.mat", "run.xyz") for head in (
@@ -237,7 +260,7 @@ def test_a_fresh_importer_is_a_few_lines(table, tmp_path, monkeypatch):
 def test_names_are_given_once_and_suggested(refused, table, monkeypatch):
     monkeypatch.setattr(registry, "REGISTERED", dict(registry.REGISTERED))
     with refused(InputError):
-        importer("svc", about="another")(lambda path: Table({}))
+        importer("npz", about="another")(lambda path: Table({}))
     with refused(UnknownNameError):
         table("0,1\n", format="matlab")
     with refused(UnknownNameError):

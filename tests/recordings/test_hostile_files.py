@@ -201,7 +201,7 @@ def test_the_limit_is_an_option(tmp_path, capsys):
     assert "would take 0.0016 GB" in capsys.readouterr().err
     assert main(["inspect", "a.npz"]) == 0
     run_of(tmp_path / "a.h5")
-    for command in (["inspect", "a.h5"], ["convert", "a.h5", "-o", "b.csv"], ["replay", "a.h5"], ["compare", "a.h5"]):
+    for command in (["inspect", "a.h5"], ["convert", "a.h5", "-o", "b.csv"], ["replay", "a.h5"]):
         assert main([*command, "--memory-limit", "0.000001"]) == 2
         assert "the limit for one file is 1e-06 GB" in capsys.readouterr().err
 

@@ -340,11 +340,11 @@ def _millijoules(energy: float) -> str:
 def _judge_fixed(base: Recording) -> Finding:
     """Apply the weaker test, of a recording that cannot be refined: see `recordings.energy_balance`."""
     note = "judged on one sampling only, which is the weaker test"
-    balances = balance(base.hip, base.force, base.time)
-    if not balances:
+    gifts = balance(base.hip, base.force, base.time)
+    if not gifts:
         return undecided(f"no two rows bound what is stored; {note}")
     # All lags must agree: the least counts.
-    worst = worst_of([entry.as_logged for entry in balances], lambda gift: -gift.excess)
+    worst = worst_of(gifts, lambda gift: -gift.excess)
     metric = CHECK.measured(worst.energy)
     evidence = {
         **evidence_at(base, worst.last),

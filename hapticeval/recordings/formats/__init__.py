@@ -51,9 +51,6 @@ OWN_FORMATS = {
     "hdf5": "arrays",
     "npz": "arrays",
     "rosbag": "rosbag",
-    "svc": "text",
-    "devicelog": "text",
-    "hdurecord": "text",
     "csv": "text",
 }
 """The formats of this package and the module of each, the most particular first: delimited text fits much."""

@@ -1,28 +1,22 @@
 """MATLAB files, each numeric array as columns by its path, counting from zero: `scope.signals[1].values[0]`.
 
-Those of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Those of version 5 to 7.2 are taken apart
-here, and every size is held against the bytes that are there first. scipy's reader trusts the sizes in a file: of
-damaged ones, one in sixty ended the process with a segmentation fault. A variable that cannot be read costs itself and
-no other.
-
-Such a file is a header and elements: a kind, a size, and so many bytes, padded to eight; short ones stand within their
-own tag. A variable is an element of kind `MATRIX_ELEMENT`, or one that holds such an element packed, and a matrix is
-made of elements again: its flags with the class, its dimensions, its name, and what it holds by class.
+Those of version 5 to 7.2 are read by scipy, in a process of its own: it trusts the sizes in a file, and of damaged
+ones, one in sixty ended the process with a segmentation fault. Those of version 7.3 are HDF5 files: arrays lie
+transposed, texts as numbers.
 """
 
 from __future__ import annotations
 
-import math
 import struct
+import warnings
 import zlib
-from collections.abc import Iterator
-from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hapticeval.errors import HapticevalError
 from hapticeval.recordings.formats import (
     Table,
     damaged_error,
@@ -33,26 +27,13 @@ from hapticeval.recordings.formats import (
 )
 from hapticeval.recordings.formats.arrays import Arrays, check_nesting, opened, plain_value
 from hapticeval.recordings.memory import reserve
+from hapticeval.workers import ProcessEnded, Workers, default_workers
 
 MOST_PARAMETERS = 9
 """A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
-HEADER_BYTES = 128
-COMPRESSED_ELEMENT, MATRIX_ELEMENT = 15, 14
-CELL, STRUCTURE, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
-"""Classes of a matrix beside those of numbers."""
-
-NUMBER_CLASSES = range(6, 16)
-COMPLEX_FLAG = 0x0800
-
-NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-"""Kinds of elements of numbers; of whole ones MATLAB takes the shortest that holds them."""
-
-ENCODINGS = {1: "latin-1", 2: "utf-8", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
-"""Kinds of elements of text; one of 16-bit numbers (4) holds UTF-16 as well."""
-
-PADDING_BYTES = 8
-"""Elements are padded to so many bytes."""
+HEADER_BYTES, MATRIX_ELEMENT, PACKED_ELEMENT = 128, 14, 15
+"""Of a file of version 5: the length of its header, and the two kinds of elements that are variables."""
 
 
 class Variables(Arrays):
@@ -124,224 +105,106 @@ class Variables(Arrays):
         return super().table()
 
 
-class OddError(Exception):
-    """A variable is not as it should be: its message says where."""
-
-
-class Element(NamedTuple):
-    """An element within the bytes of a variable: what it holds, and where the next one begins."""
-
-    kind: int
-    data: memoryview
-    end: int
-
-
 @importer(
     "matlab5",
     about="a MATLAB 5 to 7.2 file (.mat)",
     recognises=lambda head: head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
 )
 def read_matlab5(path: Path) -> Table:
-    """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
-    data = path.read_bytes()
-    if len(data) < HEADER_BYTES:
-        raise damaged_error(path, f"its header has {HEADER_BYTES} bytes, and {len(data)} are there")
-    # The header ends with the two letters MI as one 16-bit number: which comes first gives the byte order.
-    order = "<" if data[126:128] == b"IM" else ">"
-    (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
-    variables, unpacked_bytes, parts = Variables(), 0, 0
-    for offset, kind, content in _variables(path, memoryview(data), order):
-        if offset == subsystem and subsystem:
-            continue
-        if kind == COMPRESSED_ELEMENT:
-            content = _unpacked(path, offset, content, order, unpacked_bytes)
-            unpacked_bytes += len(content)
-        matrix = _Matrix(path, offset, order, parts)
-        try:
-            matrix.read(content, "", 1)
-        except OddError as error:
-            variables.warnings.append(f"the variable '{matrix.name or '?'}' cannot be read: {error}")
-            continue
-        # Only after success: what a damaged variable counted is not held against the next.
-        parts = matrix.count
-        variables.objects += matrix.objects
-        variables.warnings += matrix.warnings
-        for name, values in matrix.arrays:
-            variables.add(name, values)
+    """Return every numeric array of more than `MOST_PARAMETERS` numbers, as columns; numbers and texts as attributes.
+
+    Raises `InputError` where the file is cut short, or scipy cannot read it: one wrong byte may end its process.
+    """
+    _reserve_variables(path)
+    with Workers(_load_matlab5, min(1, default_workers())) as workers:
+        workers.begin(0, path)
+        ((_, variables, error),) = workers.answers()
+    if isinstance(error, HapticevalError):
+        raise error
+    if variables is None:
+        how = f"reading it ended with {error.how}" if isinstance(error, ProcessEnded) else f"scipy's reader: {error}"
+        raise damaged_error(path, how) from error
     return variables.table()
 
 
-def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, int, memoryview]]:
-    """Yield where each variable starts, its kind and bytes. Raises `InputError` where the file ends within one."""
-    offset = HEADER_BYTES
+def _reserve_variables(path: Path) -> None:
+    """Reserve what the variables of a file declare to take. Raises `InputError` where the file ends within one.
+
+    A file is a header of 128 bytes and elements: a kind, a size, and so many bytes. A variable is one of kind
+    `MATRIX_ELEMENT`, or a packed element that holds one.
+    """
+    data = path.read_bytes()
+    # The header ends with the letters MI as one 16-bit number: which comes first gives the byte order.
+    order = "<" if data[126:128] == b"IM" else ">"
+    offset, total = HEADER_BYTES, 0
     while offset < len(data):
-        kind, size = struct.unpack(order + "II", bytes(data[offset : offset + 8]).ljust(8, b"\0"))
-        if kind not in (COMPRESSED_ELEMENT, MATRIX_ELEMENT):
-            raise damaged_error(
-                path,
-                f"at byte {offset} a variable should start, with {MATRIX_ELEMENT} or {COMPRESSED_ELEMENT}, not {kind}",
-            )
+        kind, size = struct.unpack(order + "II", data[offset : offset + 8].ljust(8, b"\0"))
         end = offset + 8 + size
+        if kind not in (MATRIX_ELEMENT, PACKED_ELEMENT):
+            raise damaged_error(path, f"at byte {offset} a variable should start, and an element of kind {kind} does")
         if end > len(data):
             raise damaged_error(
                 path,
                 f"it ends at byte {len(data)}, within the variable that starts at byte {offset}: of its {size} bytes "
                 f"{max(0, len(data) - offset - 8)} are there",
             )
-        yield offset, kind, data[offset + 8 : end]
-        # Packed elements are not padded.
-        offset = end + (-size % PADDING_BYTES if kind == MATRIX_ELEMENT else 0)
+        if kind == PACKED_ELEMENT:
+            try:  # only the tag is unpacked: a small file may state any size
+                tag = zlib.decompressobj().decompress(data[offset + 8 : end], 8)
+            except zlib.error as error:
+                raise damaged_error(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
+            _, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
+        total += size
+        reserve(total, f"{path}, as far as it was counted,")
+        # Packed elements are not padded to eight bytes.
+        offset = end + (-size % 8 if kind == MATRIX_ELEMENT else 0)
 
 
-def _unpacked(path: Path, offset: int, packed: memoryview, order: str, unpacked_bytes: int) -> memoryview:
-    """Return what a packed matrix holds; its size, which its tag states, is reserved first, beside `taken` bytes."""
-    unpacking = zlib.decompressobj()
-    try:
-        # Only the tag is unpacked before its size has been reserved: a small file may state any size.
-        tag = unpacking.decompress(packed, 8)
-        kind, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
-        if kind != MATRIX_ELEMENT:
-            raise damaged_error(
-                path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX_ELEMENT}"
-            )
-        reserve(unpacked_bytes + size, f"{path}, as far as it was counted,")
-        # No more than that, what pads it, and the checksum.
-        matrix = unpacking.decompress(unpacking.unconsumed_tail, size + PADDING_BYTES)
-    except zlib.error as error:
-        raise damaged_error(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
-    if len(matrix) < size or not unpacking.eof:
-        raise damaged_error(path, f"the variable at byte {offset} breaks off")
-    return memoryview(matrix)[:size]
+def _load_matlab5(path: Path) -> Variables:
+    """Return the variables of a file, read by scipy, which trusts the sizes in it: call it in a process of its own."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque, varmats_from_mat
+    from scipy.sparse import issparse
 
+    variables, parts = Variables(), 0
 
-class _Matrix:
-    """Takes the bytes of one variable apart: `arrays` by their paths, and `objects` that only MATLAB reads.
-
-    `count` is of all matrices in the file so far. Raises `OddError` for what does not fit together, `InputError` for
-    matrices within matrices too deep, or too many of them.
-    """
-
-    def __init__(self, path: Path, offset: int, order: str, count: int) -> None:
-        self.path, self.offset, self.order, self.count = path, offset, order, count
-        self.name = ""
-        self.arrays: list[tuple[str, NDArray[Any]]] = []
-        self.objects: list[str] = []
-        self.warnings: list[str] = []
-
-    def read(self, data: memoryview, name: str, depth: int) -> None:
-        """Take a matrix of that name, which the outermost one states itself; an empty one holds nothing."""
-        self.count += 1
-        check_nesting(self.path, "structures", depth - 1, self.count, f"in the variable at byte {self.offset}")
-        if not data:
-            return
-        flags = self._next(data, 0, "its flags")
-        (word,) = struct.unpack(self.order + "I", bytes(flags.data[:4]).ljust(4, b"\0"))
-        # The lowest byte is the class, the bits above are flags (complex, global, logical).
-        kind = word & 0xFF
-        if kind == OPAQUE:  # name, system and class
-            stated = self._next(data, flags.end, "its name")
-            system = self._next(data, stated.end, "its system")
-            owner = self._next(data, system.end, "its class")
-            self.objects.append(f"{name or _decoded(stated)} ({_decoded(owner)})")
-            return
-        sizes = self._next(data, flags.end, "its dimensions")
-        shape = tuple(int(size) for size in self._numbers(sizes, "its dimensions"))
-        stated = self._next(data, sizes.end, "its name")
-        name = name or _decoded(stated)
-        self.name = self.name or name
-        if len(shape) < 2 or min(shape) < 0:
-            raise OddError(f"'{name}' has the dimensions {shape}")
-        content = data[stated.end :]
-        if kind in NUMBER_CLASSES:
-            # A device's signals are real numbers.
-            if word & COMPLEX_FLAG:
-                self.warnings.append(f"'{name}' holds complex numbers, which are left out")
-            else:
-                element = self._next(content, 0, "its numbers")
-                self.arrays.append((name, self._shaped(self._numbers(element, "its numbers"), shape, name)))
-        elif kind == TEXT:
-            self.arrays.append((name, self._text(self._next(content, 0, "its text"), shape, name)))
-        elif kind == CELL:
-            self._members(content, name, shape, [""], depth)
-        elif kind in (STRUCTURE, OBJECT):
-            at = self._next(content, 0, "its class").end if kind == OBJECT else 0
-            self._structures(content[at:], name, shape, depth)
+    def add(name: str, value: Any, depth: int) -> None:
+        nonlocal parts
+        parts += 1
+        check_nesting(path, "structures", depth, parts, f"in the variable '{name[:80]}'")
+        if isinstance(value, MatlabOpaque):  # fields s0 to s2 are its name, its system and its class
+            # The data of all objects lie in one more that has neither.
+            owner, kind = (value[part].ravel()[0] for part in ("s0", "s2"))
+            variables.objects += [f"{_decoded(owner)} ({_decoded(kind)})"] if kind else []
+        elif issparse(value) or isinstance(value, MatlabFunction):
+            words = "a sparse matrix" if issparse(value) else "a function"
+            variables.warnings.append(f"'{name}' is {words}, which is left out")
+        elif value.dtype == object or value.dtype.names:
+            cell = not value.dtype.names
+            # MATLAB counts its cells column by column.
+            for place, item in enumerate(value.ravel(order="F")):
+                bracket = "" if value.size == 1 else f"{{{place}}}" if cell else f"[{place}]"
+                for part in value.dtype.names or ("",):
+                    add(
+                        f"{name}{bracket}.{part}" if part else f"{name}{bracket}",
+                        item[part] if part else item,
+                        depth + 1,
+                    )
         else:
-            words = {SPARSE: "a sparse matrix", FUNCTION: "a function"}.get(kind, f"of class {kind}")
-            self.warnings.append(f"'{name}' is {words}, which is left out")
+            variables.add(name, value)
 
-    def _structures(self, data: memoryview, name: str, shape: tuple[int, ...], depth: int) -> None:
-        """Take an array of structures: the length of names, the names of the fields, then each one's fields."""
-        longest = self._next(data, 0, "the length of its names")
-        # Names of fields have one fixed width, padded with zero bytes; 0 where the element is empty.
-        (width,) = [*self._numbers(longest, "the length of its names"), 0][:1]
-        texts = self._next(data, longest.end, "the names of its fields")
-        if texts.data and not 0 < width <= len(texts.data):
-            raise OddError(f"the names of its fields have a length of {width}")
-        names = [bytes(texts.data[at : at + int(width)]) for at in range(0, len(texts.data), int(width) or 1)]
-        fields = [text.partition(b"\0")[0].decode("latin-1") for text in names]
-        if fields:
-            self._members(data[texts.end :], name, shape, fields, depth)
-
-    def _members(self, data: memoryview, name: str, shape: tuple[int, ...], fields: list[str], depth: int) -> None:
-        """Take the matrices of cells, whose one field has no name, or of structures: as many as the dimensions say."""
-        size = math.prod(shape)
-        if size * len(fields) > len(data) // 8:  # the tag of each takes eight bytes
-            raise OddError(f"'{name}' has the dimensions {shape}, and {len(data)} bytes")
-        at, (before, after) = 0, "[]" if fields != [""] else "{}"
-        for place, field in product(range(size), fields):
-            member = self._next(data, at, f"part {place}")
-            if member.kind != MATRIX_ELEMENT:
-                raise OddError(f"part {place} of '{name}' is of kind {member.kind}, no matrix")
-            bracket = "" if size == 1 else f"{before}{place}{after}"
-            self.read(member.data, f"{name}{bracket}.{field}" if field else f"{name}{bracket}", depth + 1)
-            at = member.end
-
-    def _next(self, data: memoryview, begin: int, what: str) -> Element:
-        """Return the element at a byte."""
-        if begin + 8 > len(data):
-            raise OddError(f"it ends before {what}")
-        kind, size = struct.unpack_from(self.order + "II", data, begin)
-        if kind >> 16:  # a short one: its bytes stand in its tag
-            if kind >> 16 > 4:
-                raise OddError(f"{what} have a short element of {kind >> 16} bytes")
-            return Element(kind & 0xFFFF, data[begin + 4 : begin + 4 + (kind >> 16)], begin + 8)
-        if begin + 8 + size > len(data):
-            raise OddError(f"{what} should have {size} bytes, and {len(data) - begin - 8} are there")
-        return Element(kind, data[begin + 8 : begin + 8 + size], begin + 8 + size + -size % PADDING_BYTES)
-
-    def _numbers(self, element: Element, what: str) -> NDArray[Any]:
-        """Return the numbers of an element, (n,)."""
-        dtype = NUMBER_TYPES.get(element.kind)
-        if dtype is None or len(element.data) % int(dtype[1]):
-            raise OddError(f"{what} are {len(element.data)} bytes of kind {element.kind}")
-        return np.frombuffer(element.data, dtype=np.dtype(self.order + dtype))
-
-    def _shaped(self, values: NDArray[Any], shape: tuple[int, ...], name: str) -> NDArray[Any]:
-        if values.size != math.prod(shape):
-            raise OddError(f"'{name}' has the dimensions {shape}, and {values.size} numbers")
-        # MATLAB stores its arrays column by column.
-        return values.reshape(shape, order="F")
-
-    def _text(self, element: Element, shape: tuple[int, ...], name: str) -> NDArray[Any]:
-        """Return the rows of a text, (n,): characters stand column by column."""
-        order = {"<": "-le", ">": "-be"}[self.order]
-        encoding = "utf-16" if element.kind == 4 else ENCODINGS.get(element.kind)
-        if encoding is None:
-            raise OddError(f"the text '{name}' is of kind {element.kind}")
-        encoding += order if encoding in ("utf-16", "utf-32") else ""
-        text = bytes(element.data).decode(encoding, errors="replace")
-        if shape[0] == 1:  # also where characters are counted otherwise, as beyond 16 bits
-            return np.array([text])
-        characters = list(text)
-        if len(characters) != math.prod(shape):
-            raise OddError(f"the text '{name}' has the dimensions {shape}, and {len(characters)} characters")
-        rows = np.array(characters, dtype="U1").reshape(shape[0], -1, order="F") if characters else np.empty((0, 0))
-        return np.array(["".join(row) for row in rows], dtype=np.str_)
+    with warnings.catch_warnings(), path.open("rb") as file:
+        warnings.simplefilter("ignore")
+        # One by one, for all objects have the name None.
+        for _, variable in varmats_from_mat(file):
+            for name, value in loadmat(variable).items():
+                if isinstance(value, np.ndarray) or issparse(value):
+                    add(name, value, 0)
+    return variables
 
 
-def _decoded(element: Element) -> str:
-    return bytes(element.data).decode("utf-8", errors="replace")
+def _decoded(text: Any) -> str:
+    return text.decode("latin-1") if isinstance(text, bytes) else str(text)
 
 
 NUMERIC_CLASSES = {

@@ -1,4 +1,4 @@
-"""Text: delimited tables (.csv, .tsv, .txt) of any dialect, and the logs of some makers.
+"""Text: delimited tables (.csv, .tsv, .txt, .lvm) of any dialect, and those of makers whose columns are known.
 
 Lines are taken apart by the csv module and numbers read by pandas. A file that is cut keeps its whole lines: a number
 without its end reads like another number, so a last row without a line end is left out.
@@ -11,7 +11,7 @@ import io
 import re
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -39,10 +39,6 @@ HEADER_LINES = 200
 
 LOOKED_AT_BYTES = 1 << 20
 """Bytes of a text that are looked at together."""
-
-MEMORY_A_BYTE = 7
-"""Bytes of memory for each of a text whose rows become lists of numbers: a number of eight characters is one of 32
-bytes in a list of 8 an entry, beside its line twice."""
 
 SEPARATORS = ("\t", ";", ",", " ")
 NO_NUMBER = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -86,13 +82,6 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     return data, () if complete or not last.strip() else (cut,)
 
 
-def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
-    """Return the lines of `whole_text`, one by one. Raises `InputError` as it does."""
-    reserve(MEMORY_A_BYTE * path.stat().st_size, str(path))
-    data, cut = whole_text(path)
-    return data.decode().removesuffix("\n").split("\n"), cut
-
-
 def is_whole(last: str, before: list[str]) -> bool:
     """Return whether a last line that lacks its line end is complete all the same.
 
@@ -120,7 +109,7 @@ class _Dialect:
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line, without quotes."""
         if self.separator == " ":
-            line = line.strip()
+            line = line.strip().replace("\t", " ")
         try:
             cells = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True), [])
         except csv.Error:  # a null byte, or a cell of more than 131,072 characters
@@ -152,8 +141,8 @@ def _dialect(lines: Sequence[str]) -> _Dialect:
     # A table of one column is taken apart by blanks, which are in none of its cells.
     best = best if score(best)[0] else " "
     numbers = [cell for line in lines for cell in _Dialect(best).cells(line) if NUMBER_PATTERN.fullmatch(cell)]
-    # A decimal comma is one only where commas do not separate cells, and no number has a point.
-    comma = best != "," and any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
+    # A decimal comma is one only where no number has a point; between commas such a cell stands in quotes.
+    comma = any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
     return _Dialect(best, comma)
 
 
@@ -175,7 +164,7 @@ DATE_PATTERN = re.compile(r"\d{2,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ,]|\d{1,2}:\d{2}:\
 THOUSANDS_PATTERN = re.compile(r"[+-]?\d{1,3}([.,'\u2019 ]\d{3})+([.,]\d+)?")
 """A date or a time of the day, and a number whose thousands are parted: no number of a table."""
 
-TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm", ".svc")
 
 
 @importer("csv", about="delimited text (.csv, .tsv, .txt)", suffixes=TEXT_SUFFIXES, recognises=_recognises)
@@ -190,14 +179,14 @@ def read_delimited(path: Path) -> Table:
     rows = _content(lines)
     # From the second half of the first lines: what stands above a table is no row of it.
     dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
-    names, units, first = _header(path, lines, rows, dialect)
-    shape = data.count(b"\n") + 1 - first, len(names)
+    header = _header(path, lines, rows, dialect)
+    names, units, remarks = header.names, dict(header.units), list(header.remarks)
+    shape = data.count(b"\n") + 1 - header.first, len(names)
     if len(names) > MOST_COLUMNS and not (names == _plain(len(names)) and signals_in_rows(shape)):
         raise InputError(f"{path} has {len(names)} columns", why=f"at most {MOST_COLUMNS} are read")
     reserve(8 * shape[0] * shape[1], f"{path}, {shape[1]} columns of {shape[0]} rows,")
-    frame = _frame(path, data, first, names, dialect)
+    frame = _frame(path, data, header, dialect)
     del data
-    remarks: list[str] = []
     # A table without a header whose signals are rows: each row's first cell may name it.
     if names == _plain(len(names)) and signals_in_rows(frame.shape):
         remarks.append(signals_in_rows_remark("the table", frame.shape))
@@ -238,8 +227,8 @@ def _together(lines: list[str]) -> list[str]:
     return lines[: max(1, int(np.searchsorted(ends, LOOKED_AT_BYTES)))]
 
 
-def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dialect) -> Any:
-    """Return the rows from line `first` on as a data frame. Raises `InputError` for a row with too many cells."""
+def _frame(path: Path, data: bytes, header: _Header, dialect: _Dialect) -> Any:
+    """Return the rows below a header as a data frame. Raises `InputError` for a row with too many cells."""
     import pandas as pd
 
     try:
@@ -250,8 +239,9 @@ def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dial
                 # Runs of blanks separate as one does.
                 sep=r"\s+" if dialect.separator == " " else dialect.separator,
                 header=None,
-                skiprows=first,
-                names=names,
+                skiprows=header.first,
+                names=header.names,
+                usecols=range(len(header.names)) if header.tail else None,
                 index_col=False,
                 comment="#",
                 decimal="," if dialect.comma else ".",
@@ -260,7 +250,7 @@ def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dial
                 low_memory=False,
             )
     except pd.errors.EmptyDataError:
-        return pd.DataFrame({name: [] for name in names})
+        return pd.DataFrame({name: [] for name in header.names})
     except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
         raise InputError(
             f"{path} has a row with more cells than the others", why=str(error).strip(), todo="mend or cut that row"
@@ -286,65 +276,15 @@ def _plain(width: int) -> list[str]:
     return [f"c{k}" for k in range(width)]
 
 
-def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) -> tuple[list[str], dict[str, str], int]:
-    """Return names, units, and the number of the line with the first row, one of `rows`."""
-    first = next((place for place in rows if dialect.is_row(lines[place])), None)
-    if first is None:
-        raise InputError(
-            f"{path} has no row of numbers in its first {plural(min(len(lines), 2 * HEADER_LINES), 'line')}",
-            why=f"the first line is {lines[0][:60]!r}",
-            todo="check that it is the file you mean",
-        )
-    width = len(dialect.cells(lines[first]))
-    comments = [line.lstrip("#% ") for line in lines[:first] if line.startswith(COMMENTS)]  # as numpy.savetxt has it
-    words = [lines[place] for place in rows if place < first]
-    above, remarked = (
-        [c for c in map(dialect.cells, candidates) if len(c) == width] for candidates in (words, comments[-1:])
-    )
-    above = above or remarked
-    if not above:
-        if dialect.separator == "," and any(1 < len(dialect.cells(line)) == width / 2 for line in words):
-            raise InputError(
-                f"{path} has {plural(width // 2, 'name')} and {width} numbers in a row",
-                why="where numbers have decimal commas, other commas do not separate them",
-                todo="write points, or semicolons between the cells",
-            )
-        return _plain(width), {}, first
-    names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
-    units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
-    units |= {name: match[1] for name in names if (match := SLASHED_UNIT.fullmatch(name)) and match[1] in UNITS}
-    # A second line of words under the names holds the units.
-    if len(above) > 1:
-        second = [cell.strip(" []()") for cell in above[1]]
-        units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
-    twice = sorted(name for name, count in Counter(names).items() if count > 1)
-    if twice:
-        why = "a mapping could not name one of them"
-        raise InputError(f"{path} has two columns named '{twice[0]}'", why=why, todo="rename one of them")
-    return names, units, first
+@dataclass(frozen=True)
+class _Header:
+    """The names of the columns, the units of some, the line with the first row, and whether a text ends each row."""
 
-
-def _rows(path: Path, lines: list[str], names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the lines below the first; raises `InputError` for one that is no row."""
-    rows = []
-    for number, line in enumerate(lines[1:]):
-        try:
-            row = [float(word) for word in line.split()]
-        except ValueError:
-            row = []
-        if len(row) != len(names):
-            raise InputError(
-                f"{path}: row {number} (line {number + 2}) is {line.strip()!r}",
-                why=f"a row has {len(names)} numbers: {', '.join(names)}",
-                todo="mend or cut that row",
-            )
-        rows.append(row)
-    return dict(zip(names, np.array(rows).reshape(-1, len(names)).T, strict=True))
-
-
-def _other(path: Path, line: str, kind: str, why: str) -> InputError:
-    what = f"{path} is no {kind}: its first line is {line.strip()[:60]!r}"
-    return InputError(what, why=why, todo="name another format with --format, or leave it out")
+    names: list[str]
+    units: Mapping[str, str]
+    first: int
+    remarks: tuple[str, ...] = ()
+    tail: bool = False
 
 
 DEVICELOG = {
@@ -354,99 +294,79 @@ DEVICELOG = {
     **{f"{raw}{word}": 3 for raw in ("", "RAW_") for word in ("POSITION", "VELOCITY", "FORCE", "TORQUE")},
     **{f"{raw}ORIENTATION": 4 for raw in ("", "RAW_")},
 }
-"""The words of HAPI's DeviceLog and how many numbers each is: see HAPI/src/DeviceLog.cpp."""
+"""The words of HAPI's DeviceLog and how many numbers each is (HAPI/src/DeviceLog.cpp). TIME counts seconds."""
 
 COMPONENTS = {1: ("",), 3: (".x", ".y", ".z"), 4: (".axis_x", ".axis_y", ".axis_z", ".angle")}
 
-
-def _is_devicelog(head: bytes) -> bool:
-    words = decoded(head.split(b"\n")[0]).split() if is_text(head) else []
-    return bool(words) and all(word in DEVICELOG for word in words)
-
-
-@importer("devicelog", about="an ASCII log of HAPI's DeviceLog", recognises=_is_devicelog)
-def read_devicelog(path: Path) -> Table:
-    """Return one column per number: `POSITION.x`, `FORCE.z`, `BUTTONS`, ...
-
-    The first line holds words of `DEVICELOG`, numbers have five decimals, and TIME counts seconds from the first row.
-    The file states no other unit. RAW values are in the device's own frame.
-    """
-    lines, cut = whole_lines(path)
-    words = lines[0].split()
-    if not words or not DEVICELOG.keys() >= set(words):
-        raise _other(path, lines[0], "DeviceLog", f"it holds words of {', '.join(DEVICELOG)}")
-    names = [f"{word}{part}" for word in words for part in COMPONENTS[DEVICELOG[word]]]
-    units = {name: "s" for name in names if name.startswith("TIME")}
-    return Table(_rows(path, lines, names), units=units, warnings=cut)
-
-
-SVC_NOTES = {
-    "x": "mm in the BDALab's sample, counts of the tablet in most others",
-    "y": "as x",
-    "time": "s in the BDALab's sample, ms in most others",
-    "pen": "1 on the tablet, 0 above it",
-    "azimuth": "tenths of a degree in the BDALab's sample",
-    "tilt": "as azimuth",
-    "pressure": "of the range of the tablet, no newtons",
-}
-
-
-def _is_svc(head: bytes) -> bool:
-    first, _, remainder = head.partition(b"\n")
-    second = remainder.partition(b"\n")[0].split()
-    return bool(re.fullmatch(rb"\s*\d+\s*", first)) and len(second) == len(SVC_NOTES)
-
-
-@importer("svc", about="handwriting of a pen tablet (.svc)", recognises=_is_svc)
-def read_svc(path: Path) -> Table:
-    """Return the seven columns that follow the number of rows; a warning where there are fewer rows.
-
-    No unit stands in the file, and tablets differ: the mapping has to give them.
-    """
-    lines, cut = whole_lines(path)
-    if not re.fullmatch(r"\s*\d+\s*", lines[0]):
-        raise _other(path, lines[0], ".svc file", "it is the number of rows")
-    # The file's own count of rows shows whether some are missing.
-    promised, count = int(lines[0]), len(lines) - 1
-    columns = _rows(path, lines, tuple(SVC_NOTES))
-    few = (f"the first line promises {promised} rows, {count} are whole",) if count != promised else ()
-    return Table(columns, notes=SVC_NOTES, attributes={"promised_rows": promised}, warnings=cut + few)
-
-
-VECTOR_PATTERN = r"(-?\d+\.\d+|-?nan|-?inf) " * 2 + r"(-?\d+\.\d+|-?nan|-?inf)"
-HDU_ROW = re.compile(rf"(\d+)\t{VECTOR_PATTERN}\t\t{VECTOR_PATTERN}\t\t{VECTOR_PATTERN}\t\t(.*)")
+HDU_ROW = re.compile(r"\d+\t[^\t]+\t\t[^\t]+\t\t[^\t]+\t\t")
 HDU_UNITS = {f"{name}.{axis}": unit for name, unit in (("force", "N"), ("position", "mm"), ("velocity", "mm/s"))
              for axis in "xyz"}  # fmt: skip
+"""A row of OpenHaptics' hduRecord, and its columns after the scheduler's tick and before the application's text."""
+
+END_OF_HEADER = "***End_of_Header***"
+"""The line under which LabVIEW has the names of its columns (.lvm)."""
 
 
-def _is_hdurecord(head: bytes) -> bool:
-    return HDU_ROW.fullmatch(head.split(b"\n")[0].decode("latin-1").rstrip("\r")) is not None
-
-
-@importer("hdurecord", about="an ASCII record of OpenHaptics' hduRecord", recognises=_is_hdurecord)
-def read_hdurecord(path: Path) -> Table:
-    """Return ten columns, and `text[0]`, `text[1]`, ... where every row's text holds as many numbers.
-
-    As the toolkit's utilities/src/hduRecord.cpp writes it: a line per tick of the scheduler, with force (N), position
-    (mm), velocity (mm/s) and the application's text. There is no clock: the rate is 1000 Hz unless the application set
-    another, so the mapping has to give it.
-    """
-    lines, cut = whole_lines(path)
-    matches = [HDU_ROW.fullmatch(line) for line in lines]
-    if None in matches:
-        row = matches.index(None)
+def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) -> _Header:
+    """Return what stands above the first row, which is one of the lines `rows`."""
+    rows = rows[max((at + 1 for at, place in enumerate(rows) if lines[place].startswith(END_OF_HEADER)), default=0) :]
+    numbers = {place: len(dialect.cells(lines[place])) for place in rows if dialect.is_row(lines[place])}
+    if not numbers:
         raise InputError(
-            f"{path}: row {row} is {lines[row]!r}",
-            why="hduRecord writes a tick, three vectors and a text, separated by tabs",
-            todo="mend or cut that row",
+            f"{path} has no row of numbers in its first {plural(min(len(lines), 2 * HEADER_LINES), 'line')}",
+            why=f"the first line is {lines[0][:60]!r}",
+            todo="check that it is the file you mean",
         )
-    rows = [match.groups() for match in matches if match is not None]
-    columns = dict(zip(("tick", *HDU_UNITS), np.array([row[:-1] for row in rows], dtype=np.float64).T, strict=True))
-    texts = [re.split(r"[,;\s]+", row[-1].strip()) for row in rows]
-    if any(words not in ([""], ["(null)"]) for words in texts):
-        try:
-            columns |= {f"text[{k}]": column for k, column in enumerate(np.array(texts, dtype=np.float64).T)}
-        except ValueError:
-            cut += ("the application's text is left out: it is not as many numbers in every row",)
-    notes = {"tick": "ticks of the scheduler: 1000 a second unless the application set another rate"}
-    return Table(columns, units=HDU_UNITS, notes=notes, warnings=cut)
+    # As many cells as most rows have: a number of rows, say, may stand above them.
+    width = Counter(numbers.values()).most_common(1)[0][0]
+    first = next(place for place, count in numbers.items() if count == width)
+    if HDU_ROW.match(lines[first]) and width > len(HDU_UNITS):
+        return _Header(["tick", *HDU_UNITS], HDU_UNITS, first, ("the application's text is left out",), tail=True)
+    remarks = tuple(
+        f"the line {lines[place].strip()[:60]!r} above the table is left out" for place in numbers if place < first
+    )
+    comments = [line.lstrip("#% ") for line in lines[:first] if line.startswith(COMMENTS)]  # as numpy.savetxt has it
+    words = [lines[place] for place in rows if place < first and place not in numbers]
+    row = dialect.cells(lines[first])
+    above, remarked = ([_names(line, row, dialect) for line in candidates] for candidates in (words, comments[-1:]))
+    above = [names for names in above if names] or [names for names in remarked if names]
+    if not above:
+        if dialect.separator == "," and any(1 < len(dialect.cells(line)) == width / 2 for line in words):
+            raise InputError(
+                f"{path} has {plural(width // 2, 'name')} and {width} numbers in a row",
+                why="where numbers have decimal commas, other commas do not separate them",
+                todo="write points, or semicolons between the cells",
+            )
+        if words and len(dialect.cells(words[-1])) > 1:
+            count = len(dialect.cells(words[-1]))
+            remarks += (f"{words[-1].strip()[:200]!r} has {count} cells and the rows {width}: it names no column",)
+        return _Header(_plain(width), {}, first, remarks)
+    names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
+    units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
+    units |= {name: match[1] for name in names if (match := SLASHED_UNIT.fullmatch(name)) and match[1] in UNITS}
+    if names[0] == "TIME" and {name.partition(".")[0] for name in names} <= DEVICELOG.keys():
+        units["TIME"] = "s"
+    # A second line of words under the names holds the units.
+    if len(above) > 1:
+        second = [cell.strip(" []()") for cell in above[1]]
+        units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
+    if twice:
+        why = "a mapping could not name one of them"
+        raise InputError(f"{path} has two columns named '{twice[0]}'", why=why, todo="rename one of them")
+    return _Header(names, units, first, remarks)
+
+
+def _names(line: str, row: list[str], dialect: _Dialect) -> list[str]:
+    """Return the names that a line gives to the cells of a row; none where it gives more or fewer."""
+    cells = dialect.cells(line)
+    candidates = [
+        cells,
+        # A separator before a blank belongs to a name where the others have none behind them: "Time, elapsed,x,y".
+        [cell.strip(' "') for cell in re.split(rf"{re.escape(dialect.separator)}(?! )", line)],
+        # Rows or names may end with a separator; LabVIEW names a last column of texts, which rows need not have.
+        [*cells, *(row[-1:] if row[-1] == "" else [])],
+        cells[:-1] if cells[-1:] in (["Comment"], [""]) else [],
+        [f"{cell}{part}" for cell in cells for part in COMPONENTS[DEVICELOG.get(cell, 1)]],
+    ]
+    return next((candidate for candidate in candidates if len(candidate) == len(row)), [])

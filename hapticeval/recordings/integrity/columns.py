@@ -12,7 +12,9 @@ which it otherwise changes many times is stuck. What keeps its value by nature i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,52 +105,78 @@ COMPUTED = ("ihip", "contact")
 
 
 def issues_of_values(recording: Recording) -> Iterator[Issue]:
-    """Yield the jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
+    """Yield the jumps, dropouts, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
-    - jump: only of a position or an angle, which no hand moves from row to row.
-    - dropout: two or more rows between a jump and the one that takes it back.
-    - stuck: not of a force or torque at zero, which is free motion.
-    - saturated: of a motor it is a note.
-    - spike: one row off the line through its neighbours.
-
-    Of what a renderer computes only the last, and as a note: a proxy rests on a face, leaps off an edge, or pops.
+    Of what a renderer computes only spikes, and as a note: a proxy rests on a face, leaps off an edge, or pops. A motor
+    at its limit is a note, too.
     """
     for name, (channel, unit, values) in columns_of(recording).items():
         sound = recording.measured & np.isfinite(values)
         if not sound.any() or np.ptp(values[sound]) == 0.0:
             continue
-        # The column's quantum in its own unit; 0 where its values lie on no lattice.
-        step, is_force, computed = numeric_step(values[sound]) or 0.0, unit in FORCE_UNITS, channel in COMPUTED
-        extremes = (float(values[sound].min()), float(values[sound].max()))
+        column = _Values(channel, unit, numeric_step(values[sound]) or 0.0, (values[sound].min(), values[sound].max()))
         for stretch in stretches(recording, sound):
-            begin, part = stretch.first, values[stretch.rows]
-            stuck = [] if computed else list(_runs_that_wake(part, step))
-            if channel == "force" and stuck:
-                changing = _changing_depth(recording, [(begin + first, begin + end) for first, end in stuck])
-                stuck = [(first - begin, end - begin) for first, end in changing]
-            # Only a place has no jumps by nature: forces switch on.
-            jumps = list(_jumps(part, step)) if unit in ("m", "rad") and not computed else []
-            dropouts = list(_dropouts(part, jumps))
-            stuck = [span for span in stuck if span not in dropouts]
-            # A stuck sensor jumps where it wakes, and a dropout at both ends: one issue is enough.
-            explained = {end for _, end in stuck} | {row for span in dropouts for row in span}
-            kinds: Mapping[str, Sequence[Span]] = {
-                "jump": [(row, row + 1) for row in jumps if row not in explained],
-                "dropout": [(first, end) for first, end in dropouts if end > first + 1],  # one row is a spike, or none
-                "stuck": [span for span in stuck if not (is_force and part[span[0]] == 0.0)],
-                "saturated": [
-                    span
-                    for span in _clipped(part, step, extremes)
-                    if not (computed or (is_force and part[span[0]] == 0.0))
-                ],
-                "spike": [(row, row + 1) for row in _spikes(part, step, is_force)],
-            }
-            for kind, spans in kinds.items():
+            part = values[stretch.rows]
+            for kind, spans in _spans(recording, column, part, stretch.first).items():
                 for first, end in spans:
-                    by, at = part[first] - part[first - 1], part[first]
-                    message = MESSAGE_OF[kind].format(by=by, at=at)
-                    note = Severity.NOTE if computed or (is_force and kind == "saturated") else None
-                    yield make_issue(recording, kind, message, name, (begin + first, begin + end), severity=note)
+                    message = MESSAGE_OF[kind].format(by=part[first] - part[first - 1], at=part[first])
+                    note = column.computed or (column.is_force and kind == "saturated")
+                    span = (stretch.first + first, stretch.first + end)
+                    yield make_issue(recording, kind, message, name, span, severity=Severity.NOTE if note else None)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """What is known of a column: channel, unit, quantum in that unit (0 where it is on no lattice), and range."""
+
+    channel: str
+    unit: str
+    step: float
+    extremes: tuple[float, float]
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is zero for long, and switches on in a row."""
+        return self.unit in FORCE_UNITS
+
+    @property
+    def computed(self) -> bool:
+        """Whether no sensor measured it."""
+        return self.channel in COMPUTED
+
+
+def _spans(recording: Recording, column: _Values, values: Array, begin: int) -> Mapping[str, Sequence[Span]]:
+    """Return the rows of each kind of issue in the `values` (n,) of a stretch, which begins at row `begin`."""
+    spikes = [(row, row + 1) for row in _spikes(values, column.step, column.is_force)]
+    if column.computed:
+        return {"spike": spikes}
+    # Only a place has no jumps by nature: forces switch on.
+    jumps = list(_jumps(values, column.step)) if column.unit in ("m", "rad") else []
+    dropouts = list(_dropouts(values, jumps))
+    stuck = [span for span in _stuck(recording, column, values, begin) if span not in dropouts]
+    # A stuck sensor jumps where it wakes, and a dropout at both ends: one issue is enough.
+    explained = {end for _, end in stuck} | {row for span in dropouts for row in span}
+    return {
+        "jump": [(row, row + 1) for row in jumps if row not in explained],
+        "dropout": [(first, end) for first, end in dropouts if end > first + 1],  # one row is a spike, or none
+        "stuck": _pressing(column, values, stuck),
+        "saturated": _pressing(column, values, _clipped(values, column.step, column.extremes)),
+        "spike": spikes,
+    }
+
+
+def _pressing(column: _Values, values: Array, spans: Sequence[Span]) -> Sequence[Span]:
+    """Return the spans but for those of a force at zero, which is free motion."""
+    return [span for span in spans if not (column.is_force and values[span[0]] == 0.0)]
+
+
+def _stuck(recording: Recording, column: _Values, values: Array, begin: int) -> Sequence[Span]:
+    """Return the spans over which a value is frozen, then jumps; of a force only those in which the depth changes."""
+    spans = list(_runs_that_wake(values, column.step))
+    if column.channel != "force":
+        return spans
+    changing = _changing_depth(recording, [(begin + first, begin + end) for first, end in spans])
+    return [(first - begin, end - begin) for first, end in changing]
 
 
 MESSAGE_OF = {
@@ -319,13 +347,11 @@ def issues_of_rest(recording: Recording, known: Sequence[Issue]) -> Iterator[Iss
         elif column.unit in MOVING_UNITS:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
             place = columns[other].values if MOVING_UNITS[column.unit] == "speed" and other in columns else None
-            runs = {(first, end): travelled for first, end, *travelled in _stuck_runs(recording, column, travel, place)}
-            spans = _changing_depth(recording, list(runs)) if column.channel == "force" and runs else list(runs)
-            for first, end in spans:
-                moved, every = runs[first, end]
+            for run in _stuck_runs(recording, column, travel, place):
+                first, end = run.span
                 message = (
-                    f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
-                    f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
+                    f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {run.moved:.3g} "
+                    f"{_unit(recording, other)}; elsewhere it changes every {run.every:.2g}"
                 )
                 if not any(a is not None and b is not None and a < end and first < b for a, b in reported):
                     yield make_issue(recording, "stuck", message, name, (first, end))
@@ -393,45 +419,56 @@ def _constant_column(recording: Recording, name: str, column: Column, travel: Ar
     yield make_issue(recording, "constant", what, name, severity=note)
 
 
-def _stuck_runs(
-    recording: Recording, column: Column, travel: Array, place: Array | None
-) -> Iterator[tuple[int, int, float, float]]:
-    """Yield the rows [first, end) over which a column that changes elsewhere keeps its value, and the hand's travel.
+class StuckRun(NamedTuple):
+    """Rows [first, end) over which a column keeps its value while its reference has `moved`, m or rad; elsewhere it
+    changes each time that has moved by `every`."""
 
-    Last comes the travel between two changes elsewhere. A speed that was made of a `place` (n,) keeps its value where
-    that goes on evenly, and is left alone.
+    span: Span
+    moved: float
+    every: float
+
+
+def _stuck_runs(recording: Recording, column: Column, travel: Array, place: Array | None) -> Iterator[StuckRun]:
+    """Yield the runs over which a column that changes elsewhere keeps its value.
+
+    A speed that was made of a `place` (n,) keeps its value where that goes on evenly, and is left alone.
     """
-    values, measured, time = column.values, recording.measured, recording.time
+    values, measured = column.values, recording.measured
     rounding = STUCK_ROUNDING * float(np.max(np.abs(values[measured])))
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
     # Travel up to each row, m or rad: that over a run is a difference of two of them.
     path = np.concatenate([[0.0], np.cumsum(travel)])
-    constant_runs = [(first, end + 1) for first, end in runs_of(same)]
-    travel_in_run = np.array([path[end - 1] - path[first] for first, end in constant_runs])
-    long_enough = np.array([end - first >= STUCK_ROWS for first, end in constant_runs], dtype=bool)
+    runs = [(first, end + 1) for first, end in runs_of(same)]
+    moved = np.array([path[end - 1] - path[first] for first, end in runs])
+    candidates = [index for index, (first, end) in enumerate(runs) if end - first >= STUCK_ROWS]
     changes = int(np.count_nonzero(both & ~same))
     # How far the hand goes between all changes of the reading.
-    travel_elsewhere = float(path[-1] - travel_in_run[long_enough].sum())
-    for index in np.flatnonzero(long_enough).tolist():
-        first, end = constant_runs[index]
-        value, distance = float(values[first]), float(travel_in_run[index])
+    elsewhere = float(path[-1] - moved[candidates].sum())
+    for index in candidates:
+        first, end = runs[index]
         # Stuck: the hand moved, the reading changes elsewhere, and by now it should have changed `STUCK_TIMES` times.
         resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
-        if resting or changes < STUCK_ROWS or distance * changes < STUCK_TIMES * travel_elsewhere:
+        if resting or changes < STUCK_ROWS or moved[index] * changes < STUCK_TIMES * elsewhere:
             continue
-        if _is_free_reading(recording, column, slice(first, end), value):
-            continue
-        if place is not None:
-            # Over a place that goes on evenly a derived speed is constant by right.
-            mean_speed = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
-            if abs(mean_speed - value) <= EVEN_SPEED * abs(value):
-                continue
         # A value that comes back, and stays there for long again, is a level of the sensor or a limit of the motor.
-        alike = np.array([abs(values[a] - value) <= rounding for a, _ in constant_runs])
+        alike = np.array([abs(values[other] - values[first]) <= rounding for other, _ in runs])
         alike[index] = False
-        if not np.any(travel_in_run[alike] >= RECURRING_SHARE * distance):
-            yield first, end, distance, travel_elsewhere / changes
+        recurs = bool(np.any(moved[alike] >= RECURRING_SHARE * moved[index]))
+        if not (recurs or _rightly_constant(recording, column, slice(first, end), place)):
+            yield StuckRun((first, end), float(moved[index]), elsewhere / changes)
+
+
+def _rightly_constant(recording: Recording, column: Column, rows: slice, place: Array | None) -> bool:
+    """Return whether a value may stay: in free motion, at one depth, or over a place that goes on evenly."""
+    value = float(column.values[rows.start])
+    if _is_free_reading(recording, column, rows, value):
+        return True
+    if place is not None:
+        duration = recording.time[rows.stop - 1] - recording.time[rows.start]
+        mean_speed = (place[rows.stop - 1] - place[rows.start]) / duration
+        return bool(abs(mean_speed - value) <= EVEN_SPEED * abs(value))
+    return column.channel == "force" and not _changing_depth(recording, [(rows.start, rows.stop)])
 
 
 def _is_free_reading(recording: Recording, column: Column, rows: slice, value: float) -> bool:

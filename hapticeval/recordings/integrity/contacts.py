@@ -65,13 +65,11 @@ class Impact:
 class Impacts:
     """The contacts of a recording, and when (s) a force rose without an approach; `floor` (N) is where one begins.
 
-    `retreats` (s) are those of the `unexplained` ones at which the tool was seen to leave; at the others it moved by no
-    more than a quantum, or the recording begins with them.
+    In the `unexplained` ones the tool left, moved by no more than a quantum, or the recording begins with them.
     """
 
     contacts: tuple[Impact, ...]
     unexplained: tuple[float, ...]
-    retreats: tuple[float, ...]
     floor: float
 
     def mean(self, measure: str) -> tuple[float, float]:
@@ -117,7 +115,7 @@ def impacts(recording: Recording) -> Impacts:
     floor = CONTACT_SHARE * float(press.max()) if declared is None else declared
     step, tick = numeric_step(into[valid]) or 0.0, float(np.median(np.diff(time)))
     window = max(2, round(SPEED_WINDOW / tick))
-    contacts, unexplained, retreats = [], [], []
+    contacts, unexplained = [], []
     for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
@@ -125,11 +123,9 @@ def impacts(recording: Recording) -> Impacts:
         speed, resolvable = _speed(into, first - window, first, tick), step / (window * tick)
         if speed > resolvable:
             contacts.append(_impact(time, press, into, first, end, step))
-            continue
-        unexplained.append(float(time[first]))
-        if speed < -resolvable:
-            retreats.append(float(time[first]))
-    return Impacts(tuple(contacts), tuple(unexplained), tuple(retreats), floor)
+        else:
+            unexplained.append(float(time[first]))
+    return Impacts(tuple(contacts), tuple(unexplained), floor)
 
 
 def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact:

@@ -49,7 +49,6 @@ class Issue:
 MASK_DISORDER = 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file'
 COPY_AGAIN = "copy or record the file again"
 WHICH_COLUMN = "which column of the file belongs here"
-SEE_SIGN = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
 
 ADVICE: Mapping[str, str] = {
     "duplicate": MASK_DISORDER,
@@ -76,7 +75,6 @@ ADVICE: Mapping[str, str] = {
     "velocity": "see its column, unit and sign",
     "force lag": "see whether both were logged in the same tick, and the delay of the loop",
     "unit": "see the unit in the mapping",
-    "force sign": SEE_SIGN,
     "forward kinematics": "see zero offsets, directions and lengths of the device, and the frame of the HIP",
     "torque": "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
     "spring": "see the stiffness, the sign of the force, and whether all three were logged in the same tick",

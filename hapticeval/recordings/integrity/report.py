@@ -14,7 +14,6 @@ from hapticeval.quantity import align_columns, format_number, plural
 from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
-from hapticeval.recordings.integrity.force_sign import Sign, force_signs
 from hapticeval.recordings.integrity.issue import LEFT_OUT_KINDS, Issue, Severity
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
 from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
@@ -31,7 +30,7 @@ DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     relations.units,
     relations.time_unit,
 )
-"""What looks for issues in a whole recording; clock, single columns, signs and inverse checks come beside them."""
+"""What looks for issues in a whole recording; clock, single columns and inverse checks come beside them."""
 
 
 class ColumnFacts(NamedTuple):
@@ -65,7 +64,6 @@ class Integrity:
 
     - `timing` and `columns`: what the clock and the columns are like;
     - `issues`: what is wrong or good to know, worst and earliest first;
-    - `signs`: what is known of the signs of the forces;
     - `checks`: the inverse checks that were made, or asked for and not made.
     """
 
@@ -75,7 +73,6 @@ class Integrity:
     timing: Timing
     columns: Mapping[str, ColumnFacts]
     issues: tuple[Issue, ...] = ()
-    signs: tuple[Sign, ...] = ()
     checks: tuple[ConsistencyTest, ...] = ()
 
     @property
@@ -92,7 +89,7 @@ def examine(
     stiffness: float | None = None,
     others: Mapping[str, Recording] | None = None,
 ) -> Integrity:
-    """Examine a recording: its clock, its columns, how they relate, and the signs of its forces.
+    """Examine a recording: its clock, its columns, and how they relate.
 
     With a `device`, a `model` or a `stiffness` K_p (N/m, where K_d = 0) also the inverse checks of thesis (2.28), (2.8)
     and (6.1); with `others`, runs by name, whether it shares a signal with one of them.
@@ -110,8 +107,6 @@ def examine(
     issues += columns.issues_of_rest(recording, list(issues))
     for detect in DETECTORS:
         issues += detect(recording)
-    signs = force_signs(recording)
-    issues += [sign.issue for sign in signs if sign.issue is not None]
     for name, other in (others or {}).items():
         issues += relations.of_another_run(recording, other, name)
     # A run in one dimension is held against the wall in the plane: see `before_the_wall`.
@@ -123,7 +118,7 @@ def examine(
     order = list(Severity)
     issues.sort(key=lambda issue: (order.index(issue.severity), issue.first if issue.first is not None else -1))
     duration = float(np.ptp(recording.time[ordered])) if ordered.any() else 0.0
-    return Integrity(len(recording), int(np.sum(ordered)), duration, timing, facts, tuple(issues), signs, checks)
+    return Integrity(len(recording), int(np.sum(ordered)), duration, timing, facts, tuple(issues), checks)
 
 
 def sound_intervals(recording: Recording, report: Integrity | None = None) -> Soundness:
@@ -172,7 +167,7 @@ def describe_report(report: Integrity, soundness: Soundness, *, title: str) -> s
           for name, (unit, low, high, step) in report.columns.items()),
     ])]  # fmt: skip
     lines += ["", *_issues(report), "", *_checks(report)]
-    lines += ["", *(f"sign of {sign.channel}: {sign.words}" for sign in report.signs), *_intervals(report, soundness)]
+    lines += ["", *_intervals(report, soundness)]
     return "\n".join(lines)
 
 

@@ -1,1 +1,0 @@
-"""Runs held against each other: aligned by place, tested, and sample by sample."""
