@@ -195,8 +195,9 @@ def _load_matlab5(path: Path) -> Variables:
 
     with warnings.catch_warnings(), path.open("rb") as file:
         warnings.simplefilter("ignore")
-        # One by one, for all objects have the name None.
-        for _, variable in varmats_from_mat(file):
+        # One by one, for all objects have the name None. scipy's types lack that it takes a stream.
+        streams: Any = varmats_from_mat(file)
+        for _, variable in streams:
             for name, value in loadmat(variable).items():
                 if isinstance(value, np.ndarray) or issparse(value):
                     add(name, value, 0)
