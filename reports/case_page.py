@@ -87,7 +87,7 @@ class CheckSection:
         names = {row[0].metric.name for row in self.rows if row[0].metric}
         return names.pop() if len(names) == 1 else ""
 
-    @property
+    @cached_property
     def keys(self) -> Sequence[str]:
         """What the evidence has, but for what stands elsewhere: in the row, or with the closed forms."""
         keys = dict.fromkeys(key for row in self.rows for verdict in row for key in verdict.evidence)

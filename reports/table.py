@@ -1,15 +1,16 @@
-"""The summary table as plain data, and the whole report as markdown that fits into a comment on a pull request."""
+"""The tables of results, as plain data that all formats are written from; and the report in Markdown for a comment."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from hapticeval.errors import printable
+from hapticeval.files import file_stem
 from hapticeval.quantity import name_first
 from hapticeval.reports.grid import Grid, Tile, case_grid, gravest_first, hard_cases, headline, phenomenon_grid
-from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
+from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry, VerdictEntry
 from hapticeval.runner.standing import Standing, count_standings, counts_in_words
+from hapticeval.table import Cell, Table, markdown_text
 
 LIMIT = 60_000
 """Bytes of table.md: a comment on GitHub holds 65,536 characters."""
@@ -19,6 +20,10 @@ MOST_LISTED_VERDICTS = 50
 
 PLACES_NAMED = 5
 """Verdicts that are known for one reason, and cases refused for one, that are named."""
+
+
+NOTHING = "--"
+"""Stands where nothing was decided, counted or published."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,101 @@ def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequenc
     )
 
 
+def summary_table(summary: Summary) -> Table:
+    """Return a summary as a table, with what is published where it differs."""
+    name = "summary" if summary.suite is None else f"summary-{file_stem(summary.suite.name)}"
+    header = ["", *summary.renderers, *(f"{printed} (in print)" for printed in summary.printed)]
+    rows = [
+        [row.title, *(_answer_cell(*cell) for cell in row.cells), *(value or NOTHING for value in row.printed)]
+        for row in summary.rows
+    ]
+    return Table(name, header, rows, "Summary of the renderers' performance")
+
+
+def _answer_cell(answer: str | None, published: str | None) -> Cell:
+    """Return an answer with the published one where it differs; no answer contradicts nothing."""
+    if answer is None:
+        return Cell(NOTHING)
+    if published in (None, answer):
+        return Cell(answer, {"Yes": "good", "No": "noted"}.get(answer, ""))
+    return Cell(f"{answer} (published: {published})", "bad")
+
+
+def grid_table(name: str, grid: Grid, *, signs: bool = False, caption: str = "") -> Table:
+    """Return a grid of tiles as a table, each in words, or by its sign alone."""
+    rows = [
+        [title, *(_tile_cell(tile, signs=signs) if tile is not None else "" for tile in tiles)]
+        for title, tiles in grid.rows
+    ]
+    return Table(name, ["", *grid.columns], rows, caption)
+
+
+def _tile_cell(tile: Tile, *, signs: bool) -> Cell:
+    """Return a tile's gravest state, how many verdicts have it, and the worst margin; or its sign alone."""
+    if signs:
+        return Cell("", mark=tile.standing.symbol)
+    count = f"{tile.counts[tile.standing]} of {tile.total}"
+    return Cell(", ".join(filter(None, (tile.standing.words, count, tile.margin))), mark=tile.standing.symbol)
+
+
+PHENOMENA_CAPTION = (
+    "Phenomena by renderers: the gravest outcome, how many of the verdicts have it, and for the worst of them how much "
+    "of its bound is left, or how many times its bound it is"
+)
+"""The caption of the table of phenomena, which explains its cells."""
+
+
+def tables(results: ResultsDocument) -> Iterator[Table]:
+    """Yield the tables that the results fill: summary, renderers by phenomena, digits, closed forms, every verdict."""
+    yield from map(summary_table, summaries(results))
+    grid = phenomenon_grid(results)
+    if grid.rows and grid.columns:
+        yield grid_table("phenomena", grid, caption=PHENOMENA_CAPTION)
+    names, digits = hard_cases(results)
+    if digits:
+        rows = [
+            [f"{row.suite}/{row.case}", *(NOTHING if count is None else str(count) for count, _ in row.cells)]
+            for row in digits
+        ]
+        yield Table("hard-cases", ["case", *names], rows, "Decimal digits that are kept in hard cases")
+    moments = list(_closed_form_rows(results))
+    if moments:
+        header = ["case", "renderer", "law", "time (s)", "measured (mm)", "closed form (mm)"]
+        yield Table("closed-forms", header, moments, "Distances from the surface beside the closed forms")
+    fields = ("suite", "case", "renderer", "check", "level", "outcome")
+    yield Table(
+        "verdicts",
+        [*fields, "state", "published", "metric", "value", "unit", "bound", "margin", "message"],
+        [
+            [
+                *(str(getattr(verdict, name)) for name in fields), verdict.standing, str(verdict.published or ""),
+                *_metric_cells(verdict), _number_text(verdict.bound), _number_text(verdict.margin), verdict.message,
+            ]
+            for verdict in results.verdicts
+        ],
+    )  # fmt: skip
+
+
+def _number_text(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+def _metric_cells(verdict: VerdictEntry) -> tuple[str, str, str]:
+    """Return a metric's name, value and unit; three empty cells where nothing was measured."""
+    metric = verdict.metric
+    return (metric.name, _number_text(metric.value), metric.unit) if metric else ("", "", "")
+
+
+def _closed_form_rows(results: ResultsDocument) -> Iterator[list[str]]:
+    """Yield a row for each moment at which a run is compared with a closed form, distances in mm."""
+    for verdict in results.verdicts:
+        for moment in verdict.evidence.get("moments", ()):
+            values = (moment.get("measured_distance"), moment.get("closed_form_distance"))
+            law = str(verdict.evidence.get("law", ""))
+            distances = ["" if value is None else f"{1e3 * value:.6f}" for value in values]
+            yield [f"{verdict.suite}/{verdict.case}", verdict.renderer, law, f"{moment['time']:g}", *distances]
+
+
 def ran_words(results: ResultsDocument) -> str:
     """Describe how much ran, in one sentence: never fewer than planned without the reason."""
     sentence = f"{results.ran:,} of {results.planned:,} planned verdicts ran"
@@ -138,14 +238,14 @@ SECTIONS_LEFT_OUT = "{count} more sections are left out here, which results.json
 
 def _report_blocks(results: ResultsDocument) -> Iterator[str]:
     """Yield the report's blocks of markdown, the most important first."""
-    yield f"# hapticeval: {_escape(headline(results))}"
+    yield f"# hapticeval: {markdown_text(headline(results))}"
     standings = [verdict.standing for verdict in results.verdicts]
     yield f"{ran_words(results)}: {counts_in_words(standings)}."
-    yield f"{_escape(provenance(results))}; seed {results.seed}."
+    yield f"{markdown_text(provenance(results))}; seed {results.seed}."
     grid = phenomenon_grid(results)
     if grid.rows and grid.columns:
         yield "## Renderers by phenomena"
-        yield _grid_table(grid, tile=_tile_words)
+        yield grid_table("phenomena", grid).markdown
         legend = "; ".join(
             f"{standing.symbol} {standing.words}: {standing.meaning}" for standing, _ in count_standings(standings)
         )
@@ -155,30 +255,20 @@ def _report_blocks(results: ResultsDocument) -> Iterator[str]:
         yield "## Summary of the renderers' performance"
     for summary in groups:
         if summary.suite is not None and len(groups) > 1:
-            yield f"### {_escape(summary.suite.title or summary.suite.name)}"
-        heading = ["", *summary.renderers, *(f"{name} (in print)" for name in summary.printed)]
-        yield aligned_table(
-            heading,
-            [
-                [row.title, *(_answer_words(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)]
-                for row in summary.rows
-            ],
-        )
+            yield f"### {markdown_text(summary.suite.title or summary.suite.name)}"
+        yield summary_table(summary).markdown
     if results.table_notes:
-        yield "\n".join(_escape(f"- {note}") for note in results.table_notes)
+        yield "\n".join(markdown_text(f"- {note}") for note in results.table_notes)
     yield from _list_blocks(results)
-    names, digits = hard_cases(results)
-    if digits:
-        yield "## Digits that are kept in hard cases"
-        digit_rows = [
-            [f"{row.suite}/{row.case}", *("" if n is None else str(n) for n, _ in row.cells)] for row in digits
-        ]
-        yield aligned_table(["case", *names], digit_rows)
+    for table in tables(results):
+        if table.name == "hard-cases":
+            yield "## Digits that are kept in hard cases"
+            yield table.markdown
     for suite in dict.fromkeys(entry.suite for entry in results.entries()):
         by_case = case_grid(results, suite)
         if by_case.rows:
-            yield f"## Every case of {_escape(suite)}"
-            yield _grid_table(by_case, tile=lambda tile: tile.standing.symbol)
+            yield f"## Every case of {markdown_text(suite)}"
+            yield grid_table("cases", by_case, signs=True).markdown
 
 
 def _list_blocks(results: ResultsDocument) -> Iterator[str]:
@@ -186,7 +276,9 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
     broken = results.breakdowns
     if broken:
         yield "## What broke"
-        yield "\n".join(_escape(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED_VERDICTS])
+        yield "\n".join(
+            markdown_text(f"- {_breakdown_words(breakdown)}") for breakdown in broken[:MOST_LISTED_VERDICTS]
+        )
     # What broken runs took away is listed with what broke.
     grave = [
         breakdown
@@ -211,7 +303,7 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
                 )
             lines += [f"- and {len(verdicts) - MOST_LISTED_VERDICTS} more"] * (len(verdicts) > MOST_LISTED_VERDICTS)
             yield f"## {title}"
-            yield "\n".join(map(_escape, lines))
+            yield "\n".join(map(markdown_text, lines))
     reasons: dict[tuple[str, str], list[str]] = {}
     for verdict in results.verdicts:
         if verdict.known and verdict.standing is Standing.KNOWN:
@@ -220,50 +312,16 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
         if places_by_reason:
             yield f"## {title}"
             yield "\n".join(
-                _escape(f"- {renderer}: {reason}: {name_first(places, PLACES_NAMED)}")
+                markdown_text(f"- {renderer}: {reason}: {name_first(places, PLACES_NAMED)}")
                 for (renderer, reason), places in list(places_by_reason.items())[:MOST_LISTED_VERDICTS]
             )
     ended = [f"{run.renderer} on {run.suite}/{run.case} {run.ended_words}" for run in results.runs if run.ended]
     if ended:
         yield "## Ended early"
-        yield "\n".join(_escape(f"- {line}") for line in ended[:MOST_LISTED_VERDICTS])
+        yield "\n".join(markdown_text(f"- {line}") for line in ended[:MOST_LISTED_VERDICTS])
 
 
 def _breakdown_words(broken: Breakdown) -> str:
     error, cases = broken.error, broken.cases
     why = f"; {error.why}" * bool(error.why)
     return f"{broken.words}; {error.what}{why}" + f" (first on {', then '.join(cases)})" * bool(cases)
-
-
-def _tile_words(tile: Tile) -> str:
-    """Return a cell in words: its gravest state, how many verdicts have it, and the worst margin."""
-    count = tile.counts[tile.standing]
-    words = [f"{tile.standing.symbol} {tile.standing.words}"]
-    words += [f"{count} of {tile.total}"] * (tile.standing is not Standing.PASS)
-    return ", ".join([*words, *([tile.margin] if tile.margin else [])])
-
-
-def _grid_table(grid: Grid, *, tile: Callable[[Tile], str]) -> str:
-    rows = [[name, *("" if cell is None else tile(cell) for cell in tiles)] for name, tiles in grid.rows]
-    return aligned_table(["", *grid.columns], rows)
-
-
-def _answer_words(value: str | None, published: str | None) -> str:
-    return value or "-" if published in (None, value) or value is None else f"**{value}** (published: {published})"
-
-
-def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a markdown table with its pipes aligned, so that it reads well as text too."""
-    lines = [[_escape(text) for text in row] for row in (header, *rows)]
-    # Markdown wants three hyphens at least.
-    widths = [max(3, *map(len, column)) for column in zip(*lines, strict=True)]
-    lines.insert(1, ["-" * width for width in widths])
-    return "\n".join(
-        f"| {' | '.join(text.ljust(width) for text, width in zip(line, widths, strict=True))} |" for line in lines
-    )
-
-
-def _escape(text: str) -> str:
-    """Text that cannot end its cell, nor start HTML."""
-    # A pipe would end the cell, < begin HTML, a line feed the row.
-    return printable(" ".join(text.replace("|", "\\|").replace("<", "&lt;").split()))

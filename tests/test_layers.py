@@ -20,7 +20,7 @@ LAYERS = (
     {"bracket", "laws"},
     {"documents"},
     {"files", "geometry", "quantity", "workers"},
-    {"devices", "recordings"},
+    {"devices", "recordings", "table"},
     {"effects"},
     {"scene"},
     {"stimulus"},

@@ -17,6 +17,7 @@ from hapticeval.errors import UnknownNameError
 from hapticeval.quantity import format_number, format_quantity, plural
 from hapticeval.runner.diff import Diff, MarginMove, VerdictChange, compare_results
 from hapticeval.runner.results import RESULTS_FILE, read_results
+from hapticeval.table import Table
 
 if TYPE_CHECKING:
     from hapticeval.runner.diff import History
@@ -186,7 +187,6 @@ def _as_github(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
 
 def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> str:
     """Return the comparison as a comment for GitHub, with tables of verdicts and margins."""
-    from hapticeval.reports.table import aligned_table
 
     def tables() -> Iterator[str]:
         yield f"**hapticeval**: {_counts_words(comparison, times)}"
@@ -194,12 +194,11 @@ def _as_markdown(comparison: Diff, times: Sequence[Change], verbose: bool) -> st
             yield lines(f"- {suite}" for suite in comparison.suites)
         if comparison.verdicts:
             rows = [[c.standing, c.renderer, c.place, _outcome_words(c), c.message] for c in comparison.verdicts]
-            yield aligned_table(["", "renderer", "verdict", "outcome", "what was seen"], rows)
+            yield Table("verdicts", ["", "renderer", "verdict", "outcome", "what was seen"], rows).markdown
         margins = comparison.margins if verbose else comparison.margins[:MARGINS_SHOWN]
         if margins:
-            yield aligned_table(
-                ["renderer", "margin that moved", "by"], [[m.renderer, m.place, _move_words(m)] for m in margins]
-            )
+            moves = [[move.renderer, move.place, _move_words(move)] for move in margins]
+            yield Table("margins", ["renderer", "margin that moved", "by"], moves).markdown
         if times:
             yield lines(f"- {_time_words(change)}" for change in times)
 

@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from hapticeval.quantity import align_columns, format_duration, name_first, plur
 from hapticeval.runner.known import describe_outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 from hapticeval.runner.standing import Standing, counts_in_words
+from hapticeval.table import Cell, Table
 
 VERDICTS_SHOWN = 10
 """Unexpected verdicts that are shown without -v: the worst; more scroll off a screen, and the report has them all."""
@@ -121,22 +123,23 @@ def _pass_grid(results: ResultsDocument, width: int) -> str:
     renderers = list(dict.fromkeys(verdict.renderer for verdict in results.verdicts))
     rows = [
         [
-            (results.suite_label(suite), None),
-            *(_grid_cell(row[name], results) if name in row else ("", None) for name in renderers),
+            results.suite_label(suite),
+            *(_grid_cell(row[name], results) if name in row else "" for name in renderers),
         ]
         for suite, row in cells.items()
     ]
     if not rows:
         return ""
-    marks = [text for mark, text in LEGEND.items() if any(mark in cell for row in rows for cell, _ in row[1:])]
-    return _aligned_cells(["", *renderers], rows, width) + "\n" + "; ".join(["passed/judged", *marks])
+    table = Table("passed", ["", *renderers], rows)
+    marks = [text for mark, text in LEGEND.items() if any(mark in text for row in table.texts for text in row[1:])]
+    return _aligned_cells(table, width) + "\n" + "; ".join(["passed/judged", *marks])
 
 
-def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[str, str | None]:
-    """A cell of the grid and its colour; verdicts of level info are shown in the report and never judged."""
+def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> Cell | str:
+    """A cell of the grid; verdicts of level info are shown in the report and never judged."""
     judged = [verdict for verdict in verdicts if verdict.standing.judged]
     if not judged:
-        return "-", None
+        return "-"
     wrong = sum(results.stops(verdict) for verdict in verdicts)
     standings = Counter(verdict.standing for verdict in judged if not results.stops(verdict))
     counts = {
@@ -147,52 +150,43 @@ def _grid_cell(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tu
     }
     text = f"{standings[Standing.PASS]}/{len(judged)}"
     noted = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
-    return text + noted, "red" if wrong else "yellow" if noted else "green"
+    return Cell(text + noted, "bad" if wrong else "noted" if noted else "good")
 
 
 def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
     """A table a suite that has rows which some renderer has decided; a cell says where it differs from print."""
-    from hapticeval.reports.table import summaries
+    from hapticeval.reports.table import summaries, summary_table
 
-    tables = summaries(results)
-    for table in tables:
-        rows = [
-            [(row.title, None), *(_answer_cell(*cell) for cell in row.cells)]
-            for row in table.rows
-            if any(answer for answer, _ in row.cells)
-        ]
-        title = table.suite.title if table.suite is not None and len(tables) > 1 else ""
-        yield f"{title}\n" * bool(title) + _aligned_cells(["", *table.renderers], rows, width)
+    groups = summaries(results)
+    for group in groups:
+        decided = [row for row in group.rows if any(answer for answer, _ in row.cells)]
+        # What is only in print stands in the report.
+        table = summary_table(replace(group, printed=(), rows=tuple(replace(row, printed=()) for row in decided)))
+        title = group.suite.title if group.suite is not None and len(groups) > 1 else ""
+        yield f"{title}\n" * bool(title) + _aligned_cells(table, width)
 
 
-def _answer_cell(answer: str | None, published: str | None) -> tuple[str, str | None]:
-    """Return an answer of the summary table, with the published one where it differs, and its colour."""
-    # No answer contradicts nothing.
-    if answer is None:
-        return "-", None
-    if published in (None, answer):
-        return answer, {"Yes": "green", "No": "yellow"}.get(answer)
-    return f"{answer} (published {published})", "red"
+TONE_COLOURS = {"good": "green", "noted": "yellow", "bad": "red"}
+"""The colour of a cell by how good it is."""
 
 
-def _aligned_cells(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | None]]], width: int) -> str:
-    """Return cells with their colours in aligned columns; where these are too wide, a list for each row."""
-    texts = [list(header), *([text for text, _ in row] for row in rows)]
+def _aligned_cells(table: Table, width: int) -> str:
+    """Return a table in aligned columns with colours; where these are too wide, a list for each row."""
+    texts = [list(table.header), *table.texts]
+    colours = [[None if isinstance(cell, str) else TONE_COLOURS.get(cell.tone) for cell in row] for row in table.rows]
     aligned_lines = align_columns(texts)
     if width and max(map(len, aligned_lines)) > width:
         lists = []
-        for (title, _), *row in rows:
-            named = align_columns(
-                [[f"  {name}", text] for name, (text, _) in zip(header[1:], row, strict=True) if text]
-            )
-            colours = [colour for text, colour in row if text]
-            lists += [title, *map(paint, named, colours)]
+        for (title, *row), (_, *row_colours) in zip(table.texts, colours, strict=True):
+            shown = [entry for entry in zip(table.header[1:], row, row_colours, strict=True) if entry[1]]
+            named = align_columns([[f"  {name}", text] for name, text, _ in shown])
+            lists += [title, *(paint(line, colour) for line, (*_, colour) in zip(named, shown, strict=True))]
         return lines(lists)
     # Widths by text: colour codes take no room on the terminal, but count as characters.
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
     painted = (
-        [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, widths, strict=True)]
-        for row in rows
+        [paint(text, colour) + " " * (place - len(text)) for text, colour, place in zip(*row, widths, strict=True)]
+        for row in zip(table.texts, colours, strict=True)
     )
     return lines([aligned_lines[0], *("  ".join(row).rstrip() for row in painted)])
 

@@ -22,7 +22,6 @@ from hapticeval.reports import ReportView, junit, markdown, render_pages, summar
 from hapticeval.reports.exports import (
     LINE_CHARACTERS,
     SMALLEST_LETTERS,
-    Sheet,
     _latex_table,
     _parts_that_fit,
     write_tables,
@@ -30,6 +29,7 @@ from hapticeval.reports.exports import (
 from hapticeval.reports.table import LIMIT
 from hapticeval.reports.templates import figures_cited, robot_words, scene_words
 from hapticeval.runner.results import Ended, Problem, Robot
+from hapticeval.table import Cell, Table
 
 
 def test_the_summary_puts_the_published_values_beside(results):
@@ -38,6 +38,15 @@ def test_the_summary_puts_the_published_values_beside(results):
     rows = {row.title: row.cells for row in table.rows}
     assert rows["Resists <Pop>"] == (("No", "No"), ("Yes", "No"))
     assert rows["Suitable for LUT"] == (("Yes", None), (None, None))
+
+
+def test_all_formats_of_a_table_have_the_same_cells():
+    table = Table("t", ["case", "a | b"], [["x", Cell("pass", "good", "✓")], ["y", Cell("=1", "bad")]])
+    assert table.markdown.splitlines()[2:] == ["| x    | ✓ pass |", "| y    | **=1** |"]
+    assert table.csv == "case,a | b\nx,pass\ny,'=1\n"
+    assert table.columns == [("case", "x", "y"), ("a | b", "pass", "=1")]
+    assert table.turned.texts == [["a | b", "pass", "=1"]]
+    assert table.turned.turned.texts == table.texts
 
 
 def test_no_cell_of_a_table_is_a_formula_or_steers_a_terminal(results, tmp_path):
@@ -63,7 +72,7 @@ def test_markdown_begins_with_the_summary_and_cannot_be_broken_out_of(results):
         "# hapticeval: 5 of 13 verdicts are not as expected, 2 runs broke",
         "13 of 13 planned verdicts ran: 1 in error, 2 failed, 2 differ from what is published, 2 warn",
         "hapticeval 0.1.0; seed 3.",
-        "**Yes** (published: No)",
+        "**Yes (published: No)**",
         "- ≠ plain on synthetic/lobe/contact-normal-force: pass, published fail; angle = 0.25 deg, bound 1 deg",
         "- broken on synthetic/lobe: 1 verdict lost; it raised",
     ):
@@ -285,7 +294,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
 
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
-    sheet = Sheet("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
+    sheet = Table("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
     text = _latex_table(sheet, 1.0)
     assert "$-$0.25" in text
     assert "one+\\allowbreak{}1" in text
@@ -297,7 +306,7 @@ def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
 
 def test_a_share_and_a_count_are_broken_over_no_line():
     cells = ["pass, 1 of 12, 100 % left", "-0.5", "of 2 % or 3 of them"]
-    sheet = Sheet("t", ["", "a", "b"], [cells], "Title")
+    sheet = Table("t", ["", "a", "b"], [cells], "Title")
     text = _latex_table(sheet, 1.0)
     assert "pass, 1~of~12, 100\\,\\%~left & $-$0.5 & of 2\\,\\% or 3 of them" in text
     assert text.startswith("\\begin{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n\\caption{Title}\n")
@@ -307,7 +316,7 @@ def test_a_share_and_a_count_are_broken_over_no_line():
 
 
 def test_a_table_of_many_rows_has_its_head_on_each_page():
-    text = _latex_table(Sheet("t", ["a", "b"], [["x", "1"]] * 41, "Title"), 1.0)
+    text = _latex_table(Table("t", ["a", "b"], [["x", "1"]] * 41, "Title"), 1.0)
     assert text.startswith(
         "\\begin{longtable}{ll}\n\\caption{Title} \\label{tab:t} \\\\\n\\toprule\na & b \\\\\n\\midrule\n\\endfirsthead"
     )
@@ -319,7 +328,7 @@ def test_a_table_of_many_rows_has_its_head_on_each_page():
 @pytest.mark.parametrize("line", [0.5, 1.0])
 def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
     """Each column of words of 20 characters; 88 fit into a line of the smallest letters."""
-    sheet = Sheet("t", ["x", *(f"renderer{k:012d}" for k in range(9))], [["a", *["pass"] * 9]], "Title")
+    sheet = Table("t", ["x", *(f"renderer{k:012d}" for k in range(9))], [["a", *["pass"] * 9]], "Title")
     parts = list(_parts_that_fit(sheet, line))
     assert [name for part in parts for name in part.header[1:]] == sheet.header[1:]
     assert {part.header[0] for part in parts} == {"x"}
