@@ -172,9 +172,9 @@ def _latex_table(table: Table, line: float) -> str:
     options: dict[str, Any] = {"column_format": columns, "hrules": True, "label": f"tab:{table.name}"}
     # A float fits one page at most.
     if len(rows) > LONG_TABLE_ROWS:
-        text = styler.to_latex(environment="longtable", caption=table.caption, **options)
-        return f"{{{size}{NARROW_GAPS}\n{text.rstrip()}}}\n" if size else text
-    text = styler.to_latex(position="tbp", position_float="centering", caption=table.caption, **options)
+        long: str = styler.to_latex(environment="longtable", caption=table.caption, **options)
+        return f"{{{size}{NARROW_GAPS}\n{long.rstrip()}}}\n" if size else long
+    text: str = styler.to_latex(position="tbp", position_float="centering", caption=table.caption, **options)
     # Classes leave no room between a caption and a table below it.
     text = text.replace("\\centering\n", "\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n", 1)
     if size:

@@ -89,7 +89,7 @@ def summary_table(summary: Summary) -> Table:
     """Return a summary as a table, with what is published where it differs."""
     name = "summary" if summary.suite is None else f"summary-{file_stem(summary.suite.name)}"
     header = ["", *summary.renderers, *(f"{printed} (in print)" for printed in summary.printed)]
-    rows = [
+    rows: list[list[str | Cell]] = [
         [row.title, *(_answer_cell(*cell) for cell in row.cells), *(value or NOTHING for value in row.printed)]
         for row in summary.rows
     ]

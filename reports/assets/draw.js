@@ -814,18 +814,27 @@ const Drawing = (() => {
 
   // --- the pages ----------------------------------------------------------------------------------------------------
 
+  /** Pixels of a chart of Python's `chart.Chart` that says nothing of it. */
+  const USUAL_HEIGHT = 280;
   const scenes = new Set();
-  const data = (figure) => JSON.parse(figure.querySelector("script[type='application/json']").textContent);
+
+  /** What a figure's data say, and a box in their place, before the figure's caption. */
+  function readFigure(figure) {
+    const script = figure.querySelector("script[type='application/json']"), box = element("div");
+    script.before(box);
+    return [JSON.parse(script.textContent), box];
+  }
 
   /** A picture that nothing moves: the scene at the time of its document, and the plots below it. */
   function drawStill(figure) {
-    const shown = new Case(data(figure));
-    scenes.add(new Scene(shown, figure, shown.data.title));
-    (shown.data.panels ?? []).forEach((panel, k, panels) => new Chart(figure, panelChart(shown, panel, { last: k === panels.length - 1, signs: !k }), 130));
+    const [data, box] = readFigure(figure), shown = new Case(data);
+    scenes.add(new Scene(shown, box, data.title));
+    data.panels.forEach((panel, k) => new Chart(box, panelChart(shown, panel, { last: k === data.panels.length - 1, signs: !k }), 130));
   }
 
   function drawCharts(figure) {
-    for (const spec of data(figure)) new Chart(figure, spec, spec.height);
+    const [charts, box] = readFigure(figure);
+    for (const spec of charts) new Chart(box, spec, spec.height ?? USUAL_HEIGHT);
   }
 
   function drawAll() {
