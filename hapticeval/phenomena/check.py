@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from functools import cache
+from functools import cache, cached_property, partial
 from typing import Any, Protocol, TypeVar
 
 from hapticeval.effects.effect import Alters
@@ -13,7 +13,8 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.motion import Motion
-from hapticeval.phenomena.sampling import LED, above_force_floor, declares_force_only, lacks_ihip
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -87,6 +88,11 @@ class Runs:
                 todo="judge its sound stretches: part(rows) of each sound_rows()",
             )
 
+    @cached_property
+    def observed(self) -> Callable[[Scene], Observed]:
+        """`observed(scene)`: `base` in that scene, one object for all checks: each quantity is computed once."""
+        return cache(partial(Observed, self.base))
+
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""
         siblings: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -154,12 +160,12 @@ def without_channel(channel: str) -> Finding:
     return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKING_CHANNEL: channel})
 
 
-def without_ihip(recording: Recording) -> Finding:
-    """Return the finding of a check of the contact point for a renderer that gives none: see `sampling.lacks_ihip`.
+def without_ihip(base: Observed) -> Finding:
+    """Return the finding of a check of the contact point for a renderer that gives none: see `Observed.lacks_ihip`.
 
     Not applicable where that is declared; else nobody knows whether one was forgotten.
     """
-    if declares_force_only(recording):
+    if base.declares_force_only:
         message = "the renderer declares that it has a force and no contact point, which this check is about"
         return not_applicable(message)
     # Nothing was declared: an IHIP may have been forgotten, and what it would show is open.
@@ -178,11 +184,11 @@ def not_alone(scene: Scene, *kinds: str, because: str) -> Finding | None:
     return not_applicable(message)
 
 
-def nothing_pressed(recording: Recording, scene: Scene) -> Finding | None:
+def nothing_pressed(base: Observed) -> Finding | None:
     """Return why a check of how a tool is pressed has no answer: no force above the floor, or no IHIP; else None."""
-    if not above_force_floor(recording, scene).any():
+    if not base.pressed.any():
         return undecided("no force above the floor: the tool never presses on the surface")
-    return without_ihip(recording) if lacks_ihip(recording, scene) else None
+    return without_ihip(base) if base.lacks_ihip else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.sampling import believed_standoff, hip_step
-from hapticeval.recordings.recording import Recording
-from hapticeval.scene import Scene
+from hapticeval.phenomena.observed import Observed
 
 
 class Region(StrEnum):
@@ -23,15 +21,15 @@ class Region(StrEnum):
     SURFACE = "surface"
 
 
-def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
+def region_of(recording: Observed, tick: int) -> Region:
     """Return where the HIP is at a tick, by the model alone, whatever the renderer answers.
 
     As near as a contact point can be placed at all, three HIP steps and the standoff, counts as there; corners are
     those of a model in the plane. The nearest point jumps where it moves farther than that since the tick before.
     """
-    boundary = scene.model.boundary
+    boundary = recording.boundary
     # Nothing finer can be placed on the surface than a lag's way and the standoff.
-    near = LAG_TICKS * hip_step(recording, scene) + believed_standoff(recording, scene)
+    near = LAG_TICKS * recording.hip_step + recording.believed_standoff
     frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
     if frame.distance[-1] > near:
         return Region.FREE
@@ -44,7 +42,7 @@ def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
     return Region.SURFACE
 
 
-def nearest_jump(recording: Recording, scene: Scene, tick: int) -> float:
+def nearest_jump(recording: Observed, tick: int) -> float:
     """Return how far the model's own nearest point moves between a tick and the one before, m."""
-    feet = scene.model.boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1]).foot
+    feet = recording.boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1]).foot
     return float(np.linalg.norm(feet[-1] - feet[0]))

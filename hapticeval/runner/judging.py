@@ -10,6 +10,7 @@ from typing import Any
 from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, describe_error
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.inherent import reason_inherent
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import note_cut_standoff
@@ -187,7 +188,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     except Exception as defect:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {describe_error(defect)}")
     # Outside of the boundary above: a fault in here is ours, and not the check's.
-    finding = _with_region(finding, runs.base, scene)
+    finding = _with_region(finding, runs.observed(scene))
     # Nothing is to be added where the run went to its end, or where the check could not be asked.
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
@@ -200,15 +201,15 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=_end_of(ended), evidence=evidence)
 
 
-def _with_region(finding: Finding, base: Recording, scene: Scene) -> Finding:
+def _with_region(finding: Finding, base: Observed) -> Finding:
     """Add to a failure's evidence the region of the model where it is, if it names a tick of the recording."""
     tick = finding.evidence.get("tick")
     if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
         return finding
-    region = region_of(base, scene, tick)
+    region = region_of(base, tick)
     place: dict[str, Any] = {"region": region.value}
     if region is Region.MEDIAL:
-        place["nearest_jump_m"] = nearest_jump(base, scene, tick)
+        place["nearest_jump_m"] = nearest_jump(base, tick)
     return replace(finding, evidence={**finding.evidence, **place})
 
 

@@ -16,7 +16,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.sampling import touching
+from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
@@ -114,7 +114,7 @@ class SiblingRuns:
         """
         if not isinstance(self.renderer, Renderer):
             return None
-        contact, scene = touching(self.base, self.scene), self.scene
+        contact, scene = Observed(self.base, self.scene).contact, self.scene
         compare_batch(self.renderer, self.base, contact=contact, stiffness=scene.stiffness, damping=scene.damping)
         return Closeup.of(self.renderer, self.base, self.scene)
 

@@ -13,8 +13,8 @@ from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.contact_kept import follow
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.sampling import touching, trailing
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
@@ -170,8 +170,8 @@ class TestTrailing:
         assert finding.evidence["kind"] == "trails"
         assert finding.metric.value > 0.02
         assert "off the surface" not in CHECKS["continuous-contact"](Runs(recording), scene).message
-        assert trailing(recording, scene).any()
-        assert not (touching(recording, scene) & trailing(recording, scene)).any()
+        assert Observed(recording, scene).trailing.any()
+        assert not (Observed(recording, scene).contact & Observed(recording, scene).trailing).any()
 
     def test_contact_is_what_is_given_so_or_a_force_above_the_floor(self):
         """Rows: free, trailing outside, trailing while the hand is in, given without a force, a force alone, noise."""
@@ -181,11 +181,11 @@ class TestTrailing:
         force[4, 1], force[5, 1] = 10.0, 1e-9
         recording = Recording(DT * np.arange(6), {"hip": hip, "ihip": ihip, "force": force}, {"dt": DT})
         scene = Scene(model=line())
-        assert touching(recording, scene).tolist() == [False, False, False, True, True, False]
-        assert trailing(recording, scene).tolist() == [False, True, True, False, False, False]
+        assert Observed(recording, scene).contact.tolist() == [False, False, False, True, True, False]
+        assert Observed(recording, scene).trailing.tolist() == [False, True, True, False, False, False]
         held = Scene(model=line(), bilateral=True)
-        assert touching(recording, held).all()
-        assert not trailing(recording, held).any()
+        assert Observed(recording, held).contact.all()
+        assert not Observed(recording, held).trailing.any()
         assert CHECKS["contact-kept"](Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
 
 

@@ -8,7 +8,8 @@ from force_only import Field
 from latecomers import Latecomer
 from msgspec.structs import replace
 
-from hapticeval.phenomena.measures.lag import force_only_lag, with_nearest_points
+from hapticeval.phenomena.lag import force_only_lag
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.renderer import Declaration, Response
 from hapticeval.runner.judging import judge
@@ -71,4 +72,5 @@ def test_the_lag_is_that_at_which_a_spring_from_the_nearest_point_fits_best(kind
     scene = CASE.build_scene()
     renderer = late(ticks, kind)(scene)
     recording = play(renderer, CASE.build_stimulus(scene, renderer), scene.sampling_time)
-    assert force_only_lag(with_nearest_points(recording, scene), scene) == lag
+    base = Observed(recording, scene).with_nearest_points
+    assert force_only_lag(base.recording, base.pressed) == lag

@@ -19,6 +19,7 @@ from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cube, ellipse, line, make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.measures.under_the_hand import find_aside
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
@@ -108,7 +109,7 @@ def test_nor_is_it_on_the_paths_that_are_drawn_and_where_a_hand_presses(name):
         judged_in = load_suite(suite).case(case)
         assert "continuous-contact" in judged_in.checks
         judged = judge(ASTRAY[name], name, suite, replace(judged_in, checks=("contact-kept",)))
-        aside = find_aside(judged.recording, judged_in.build_scene())
+        aside = find_aside(Observed(judged.recording, judged_in.build_scene()))
         assert aside is not None or (case == "plane-press" and name != "creeps"), (
             "a hand that presses stays in its place"
         )
@@ -131,7 +132,7 @@ def test_any_projection_is_under_the_hand(depths, ways, ratio, name):
     points = np.asarray(curve.position(u)) - under[:, np.newaxis] * np.asarray(curve.normal(u))
     times = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1) / 0.2 + 0.01)])
     recording = play(resolve(name)(scene), Path(times, points), 1e-3, scene=scene)
-    finding = find_aside(recording, scene)
+    finding = find_aside(Observed(recording, scene))
     assert finding is None, finding.message
 
 
@@ -140,12 +141,12 @@ def test_beside_a_convex_edge_the_tool_may_be_on_the_face_that_the_hand_came_thr
     scene = Scene(model=cube())
     points = np.array([[49.7, 0, 55], [49.7, 0, 49], [49.7, 0, 0], [51.0, 0, 0]]) / 1000.0
     recording = play(resolve("constraint")(scene), Path(np.array([0.0, 0.01, 0.6, 0.7]), points), 1e-3, scene=scene)
-    assert find_aside(recording, scene) is None
+    assert find_aside(Observed(recording, scene)) is None
     # The same, creeping along the edge besides: neither under the hand nor where a rigid tool is.
     ihip = recording.ihip.copy()
     touches = np.any(ihip != recording.hip, axis=1)
     ihip[touches, 1] += np.linspace(0.0, 0.03, int(touches.sum()))
-    aside = find_aside(recorded(recording.hip, ihip), scene)
+    aside = find_aside(Observed(recorded(recording.hip, ihip), scene))
     assert aside is not None
     assert aside.metric.value == pytest.approx(0.03, rel=0.2)
 
@@ -163,9 +164,9 @@ def test_a_hand_that_comes_in_through_an_edge_itself_enters_by_either_face():
     recording = play(resolve("constraint")(scene), path, 1e-3, scene=scene)
     on_side = (recording.ihip[:, 0] == 0.05) & (recording.hip[:, 0] < 0.042)
     assert on_side.any()
-    assert find_aside(recording, scene) is None
+    assert find_aside(Observed(recording, scene)) is None
     # Of a hand that comes in through the top, 1 mm from the edge, it is not where a rigid tool is.
     through_top = recording.hip - np.array([1e-3, 0.0, -1e-6])
     inside = (through_top[:, 2] < 0.005) & (recording.ihip[:, 0] != recording.hip[:, 0])
     ihip = np.where(inside[:, np.newaxis], recording.ihip, through_top)
-    assert find_aside(recorded(through_top, ihip, meta={"source": "playback"}), scene) is not None
+    assert find_aside(Observed(recorded(through_top, ihip, meta={"source": "playback"}), scene)) is not None

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from reporting import ALWAYS, NEVER, TRUE, Banded, Dropping, Rounded
 
 from hapticeval.geometry.catalogue import line
-from hapticeval.phenomena.sampling import touching, trailing
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.runner.judging import judge
@@ -60,7 +60,7 @@ def test_contact_of_each_row():
     def told(*report: float) -> list[list[bool]]:
         channels = {"hip": hip, "ihip": ihip, "force": force}
         recording = Recording(time, channels | ({"contact": np.array(report)} if report else {}))
-        return [touching(recording, scene).tolist(), trailing(recording, scene).tolist()]
+        return [Observed(recording, scene).contact.tolist(), Observed(recording, scene).trailing.tolist()]
 
     assert told() == [[False, True, True, False, False], [False, False, False, True, False]]
     assert told(0, 0, 0, 0, 0) == [[False, True, False, False, False], [False, False, False, True, False]]

@@ -23,11 +23,10 @@ from hapticeval.phenomena.decisions import (
     STATIC_SHARE,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.measures.lag import find_lag
 from hapticeval.phenomena.measures.steps import largest_jump
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.regions import Region, region_of
-from hapticeval.phenomena.sampling import hip_step, off_surface
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
@@ -97,12 +96,15 @@ def test_a_cost_counts_as_the_assigned_dynamics_answer_to_it(damping, seed):
     for push in force:
         expected.append(state[0])
         state = step @ np.array([state[0], state[1], push])
-    np.testing.assert_allclose(_assigned_response(force, base, scene), expected, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(_assigned_response(force, Observed(base, scene)), expected, rtol=1e-7, atol=1e-12)
 
 
 def test_undamped_dynamics_never_come_to_an_answer_so_that_the_static_one_counts():
     scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, bilateral=True)
-    assert _assigned_response(np.array([1.0, 2.0]), recorded(np.zeros((2, 2))), scene).tolist() == [0.02, 0.04]
+    assert _assigned_response(np.array([1.0, 2.0]), Observed(recorded(np.zeros((2, 2))), scene)).tolist() == [
+        0.02,
+        0.04,
+    ]
 
 
 def test_what_the_push_may_give_a_tool_while_the_normal_turns_is_granted_to_a_collision():
@@ -208,7 +210,7 @@ def moves_across(height):
 
 @pytest.mark.parametrize(("share", "asked"), [(0.9, False), (1.1, True)])
 def test_a_tool_that_is_no_farther_off_than_a_held_force_lets_it_does_not_move_across(share, asked):
-    held = SurfaceMotion(moves_across(1e-4), CIRCLE).held_distance()
+    held = SurfaceMotion(Observed(moves_across(1e-4), CIRCLE)).held_distance()
     finding = found("decoupling", moves_across(share * held), CIRCLE)
     assert (finding.message != "the tool does not move across the surface") is asked
 
@@ -230,7 +232,7 @@ def test_an_operators_force_that_adds_up_to_rounding_is_not_felt(share, felt):
     momentum = CIRCLE.mass * np.linalg.norm(base.velocity, axis=1).max()
     push = np.zeros_like(base.hip)
     push[:, 0] = share * momentum / (len(base) * base.dt)
-    assert SurfaceMotion(changed(base, operator_force=push), CIRCLE).pushed.any() == felt
+    assert SurfaceMotion(Observed(changed(base, operator_force=push), CIRCLE)).pushed.any() == felt
 
 
 def test_what_the_sensors_are_wrong_by_is_no_motion_across():
@@ -242,7 +244,7 @@ def test_what_the_sensors_are_wrong_by_is_no_motion_across():
 
 def test_one_recording_alone_is_granted_what_a_held_force_may_have_given_until_the_tool_is_home():
     base = moves_across(1e-2)
-    motion = SurfaceMotion(base, CIRCLE)
+    motion = SurfaceMotion(Observed(base, CIRCLE))
     finding = found("decoupling", Runs(base), CIRCLE)
     home = int(np.flatnonzero(motion.distance > DIED_OUT_SHARE * motion.distance[0])[-1])
     assert finding.evidence["settled_by_refinement"] is False
@@ -252,7 +254,7 @@ def test_one_recording_alone_is_granted_what_a_held_force_may_have_given_until_t
 
 def test_one_recording_alone_is_granted_what_a_held_force_may_have_given_to_the_speed():
     base = moves_across(1e-2)
-    motion = SurfaceMotion(base, CIRCLE)
+    motion = SurfaceMotion(Observed(base, CIRCLE))
     finding = found("tangential-dynamics", Runs(base), CIRCLE)
     assert finding.bound == pytest.approx(motion.held_speed[-1] / motion.foot_speed.max() + 1e-9, rel=1e-12)
 
@@ -282,7 +284,7 @@ ASIDE = np.array([-TIP.position[1], TIP.position[0]]) / np.linalg.norm(TIP.posit
 def test_a_place_has_the_region_of_the_model_there(place, region):
     """The hand goes by in steps of 0.1 mm, aside: of the tips the axis is a medial one."""
     hips = place + np.outer([-1.5e-4, -0.5e-4, 0.5e-4], ASIDE)
-    assert region_of(recorded(hips), SCENE, 2) is region
+    assert region_of(Observed(recorded(hips), SCENE), 2) is region
 
 
 def test_the_nearest_point_jumps_from_notch_to_notch_on_the_medial_axis():
@@ -290,13 +292,17 @@ def test_the_nearest_point_jumps_from_notch_to_notch_on_the_medial_axis():
     across = (there - here) / np.linalg.norm(there - here)
     hips = 0.2 * (here + there) + np.outer([-0.5e-4, 0.5e-4], across)
     np.testing.assert_allclose(SCENE.model.boundary.closest_point(hips).foot, [here, there], atol=1e-12)
-    assert region_of(recorded(hips), SCENE, 1) is Region.MEDIAL
+    assert region_of(Observed(recorded(hips), SCENE), 1) is Region.MEDIAL
 
 
 def test_what_happened_a_tick_before_is_of_that_tick():
     """The hand crosses the axis of a tip between the first two of three ticks."""
     base = recorded(0.8 * TIP.position + np.outer([-0.5e-4, 0.5e-4, 1.5e-4], ASIDE))
-    assert [region_of(base, SCENE, tick) for tick in range(3)] == [Region.SURFACE, Region.MEDIAL, Region.SURFACE]
+    assert [region_of(Observed(base, SCENE), tick) for tick in range(3)] == [
+        Region.SURFACE,
+        Region.MEDIAL,
+        Region.SURFACE,
+    ]
 
 
 @pytest.mark.parametrize(("steps", "there"), [(2.9, True), (3.1, False)])
@@ -304,13 +310,13 @@ def test_a_corner_is_as_near_as_a_contact_point_can_be_placed(steps, there):
     """The foot is so many steps of the hand from the tip."""
     hip = TIP.position - steps * 1e-4 * TIP.tangent_pre - 1e-5 * TIP.normal_pre
     hips = np.array([hip + 1e-4 * TIP.tangent_pre, hip])
-    assert (region_of(recorded(hips), SCENE, 1) is Region.CONVEX) is there
+    assert (region_of(Observed(recorded(hips), SCENE), 1) is Region.CONVEX) is there
 
 
 @pytest.mark.parametrize(("standoff", "region"), [(4e-5, Region.FREE), (6e-5, Region.SURFACE)])
 def test_three_steps_of_the_hand_and_the_standoff_in_front_of_a_face_are_on_it(standoff, region):
     hips = np.column_stack([1e-4 * np.arange(3), np.full(3, 3.5e-4)])
-    assert region_of(recorded(hips, meta={"standoff": standoff}), PLANE, 2) is region
+    assert region_of(Observed(recorded(hips, meta={"standoff": standoff}), PLANE), 2) is region
 
 
 @pytest.mark.parametrize(("push", "share", "judged"), [(4.0, 0.09, True), (4.0, 0.11, False), (0.25, 0.09, True)])
@@ -337,9 +343,11 @@ def test_the_step_of_a_hand_is_that_in_contact():
     height = np.array([3.0, 2.0, 1.0, -0.5, -0.6, -0.7, -0.6])
     hip = 1e-3 * np.column_stack([np.zeros(7), height])
     ihip = np.where(hip[:, 1:] < 0.0, 0.0, hip)
-    assert hip_step(recorded(hip, ihip), PLANE) == pytest.approx(1e-4)
-    assert hip_step(recorded(hip[:4], ihip[:4]), PLANE) == pytest.approx(1.5e-3), "one sample in contact is no step"
-    assert largest_jump(recorded(hip[:4], ihip[:4]), PLANE) == (0.0, 0)
+    assert Observed(recorded(hip, ihip), PLANE).hip_step == pytest.approx(1e-4)
+    assert Observed(recorded(hip[:4], ihip[:4]), PLANE).hip_step == pytest.approx(1.5e-3), (
+        "one sample in contact is no step"
+    )
+    assert largest_jump(Observed(recorded(hip[:4], ihip[:4]), PLANE)) == (0.0, 0)
 
 
 @pytest.mark.parametrize("lowest", [0.1, 0.5])
@@ -370,10 +378,10 @@ def test_without_an_ihip_the_nearest_point_is_that_of_one_renderer_alone(rendere
 
 def test_who_never_touches_is_nowhere_off_the_surface():
     free = np.tile([0.0, 1e-3], (5, 1))
-    assert off_surface(recorded(free), PLANE) == (0.0, 0)
+    assert Observed(recorded(free), PLANE).off_surface == (0.0, 0)
     pressed_once = np.where(np.arange(5)[:, np.newaxis] == 3, [[0.0, -1e-3]], free)
     ihip = np.where(pressed_once < 0.0, 2e-4, pressed_once)
-    assert off_surface(recorded(pressed_once, ihip), PLANE) == (pytest.approx(2e-4), 3)
+    assert Observed(recorded(pressed_once, ihip), PLANE).off_surface == (pytest.approx(2e-4), 3)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -384,7 +392,7 @@ def test_on_a_constraint_that_holds_from_both_sides_a_late_point_is_found_on_eit
     scene = Scene(model=ROUND.model, stiffness=1000.0, bilateral=True)
     ihip = 0.1 * out[np.maximum(np.arange(300) - 2, 0)]
     base = recorded((0.1 + side * 2e-3) * out, ihip)
-    assert find_lag(base, scene).ihip == pytest.approx(2.0, abs=0.02)
+    assert Observed(base, scene).lag.ihip == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize("start", [0.0, 5.0])

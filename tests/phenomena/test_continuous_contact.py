@@ -13,9 +13,9 @@ from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import amplification
+from hapticeval.phenomena.lag import delayed
 from hapticeval.phenomena.measures.jumps import Remains, jump_at_rate, look_closer
-from hapticeval.phenomena.measures.lag import delayed
-from hapticeval.phenomena.sampling import lingering
+from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 from hapticeval.simulation.closeup import Closeup
 from hapticeval.simulation.playback import play
@@ -106,8 +106,8 @@ def test_a_hand_that_rests_amplifies_nothing():
     """Where the HIP hardly moves the IHIP may still catch up; that is lag and no stretch."""
     hip = np.array([[0.0, -1e-3], [1e-3, -1e-3], [1e-3, -1e-3], [2e-3, -1e-3]])
     ihip = np.array([[0.0, 0.0], [0.5e-3, 0.0], [1e-3, 0.0], [2e-3, 0.0]])
-    assert amplification(recorded(hip, ihip), SCENE) == pytest.approx(1.0)
-    assert amplification(recorded(hip), SCENE) == 0.0
+    assert amplification(Observed(recorded(hip, ihip), SCENE)) == pytest.approx(1.0)
+    assert amplification(Observed(recorded(hip), SCENE)) == 0.0
 
 
 def test_the_steepest_map_met_in_practice_passes():
@@ -342,7 +342,7 @@ def test_a_force_of_up_to_three_ticks_after_a_contact_lingers_and_no_other(conta
 
     hip = np.column_stack([np.zeros(20), np.full(20, 1e-3)])
     made = recorded(hip, hip + within(contact)[:, None] * [0.0, 1e-4], within(force)[:, None] * [0.0, 5.0])
-    assert np.array_equal(lingering(made, SCENE), within(lingers or (0, 0)))
+    assert np.array_equal(Observed(made, SCENE).lingering, within(lingers or (0, 0)))
 
 
 @pytest.mark.parametrize("last", [12, 19])
@@ -386,7 +386,7 @@ def test_each_part_of_a_long_stretch_has_its_own_worst_step():
     steps[100:612] = 1e-4
     steps[[150, 272, 400]] = 1.5e-4, 2e-4, 3e-4
     look = Look(stepping(steps), kept=(0, 271))
-    place = look_closer(look, SCENE, bounds=np.full(700, 8e-5), standoff=0.0)
+    place = look_closer(look, Observed(look.recording, SCENE), bounds=np.full(700, 8e-5), standoff=0.0)
     assert (place.kind, place.tick) == (Remains.UNRESOLVED, 150)
     assert place.remaining == pytest.approx(1.5e-4)
 
@@ -395,7 +395,8 @@ def test_a_jump_in_the_last_tick_is_placed_there():
     """The step before is longer, and within its bound."""
     steps, bounds = np.full(100, 1e-5), np.full(100, 8e-5)
     steps[-2:], bounds[-2] = (3e-4, 1e-4), 1e-3
-    place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
+    look = Look(stepping(steps), kept=(0, 99))
+    place = look_closer(look, Observed(look.recording, SCENE), bounds=bounds, standoff=0.0)
     assert (place.kind, place.tick) == (Remains.UNRESOLVED, 99)
 
 
@@ -403,7 +404,8 @@ def test_a_jump_just_before_a_longer_step_that_is_allowed_is_placed_where_it_is(
     """Two ticks behind the jump the hand leaps, and the tool with it: that step is within a bound of its own."""
     steps, bounds = np.full(100, 1e-5), np.full(100, 8e-5)
     steps[[50, 52]], bounds[52] = (3e-4, 2e-2), 3e-2
-    place = look_closer(Look(stepping(steps), kept=(0, 99)), SCENE, bounds=bounds, standoff=0.0)
+    look = Look(stepping(steps), kept=(0, 99))
+    place = look_closer(look, Observed(look.recording, SCENE), bounds=bounds, standoff=0.0)
     assert (place.kind, place.tick) == (Remains.UNRESOLVED, 50)
 
 
@@ -425,7 +427,8 @@ class Sharp:
 def test_a_jump_is_looked_into_from_a_lag_before_its_step_on_in_ever_finer_steps(begin, row, first):
     """The step to 0.51 mm: four parts of it, four of those, then 64 at once, until single precision ends."""
     hip, asked = np.column_stack([1e-5 * np.arange(begin, 80.0), np.full(80 - begin, -1e-3)]), []
-    place = look_closer(Sharp(hip, asked), SCENE, bounds=np.full(80 - begin, 8e-5), standoff=0.0)
+    sharp = Sharp(hip, asked)
+    place = look_closer(sharp, Observed(sharp.recording, SCENE), bounds=np.full(80 - begin, 8e-5), standoff=0.0)
     assert (place.kind, place.tick) == (Remains.STAYS, row)
     assert place.remaining == pytest.approx(3e-4, rel=1e-3)
     assert asked[0] == (first, row, 4, 3)

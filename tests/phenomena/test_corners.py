@@ -12,6 +12,7 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import circle, from_vertices, star
 from hapticeval.phenomena.measures.crossings import find_crossings
+from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=star())
@@ -347,6 +348,6 @@ def test_one_tick_under_the_first_face_shows_whence_the_hand_comes_and_none_does
     notch = round_the_notch()
     zone = int(np.argmax((notch.hip - NOTCH.position) @ NOTCH.tangent_pre > -1e-9))
     begun = changed(notch, rows=slice(zone - ticks, None))
-    assert len(find_crossings(begun, SCENE, convex=False)) == crossings
+    assert len(find_crossings(Observed(begun, SCENE), convex=False)) == crossings
     back_again = recorded(np.vstack([begun.hip, notch.hip[::-1]]), np.vstack([begun.ihip, notch.ihip[::-1]]))
-    assert len(find_crossings(back_again, SCENE, convex=False)) == crossings + 1
+    assert len(find_crossings(Observed(back_again, SCENE), convex=False)) == crossings + 1

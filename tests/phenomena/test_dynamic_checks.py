@@ -18,6 +18,7 @@ from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.measures.refinement import extrapolated, richardson_two_level
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
+from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import OWN_TOOL, Recording
 from hapticeval.scene import Scene
 
@@ -329,7 +330,7 @@ def test_bases_are_carried_along_without_turning():
     normal = np.column_stack(
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.full(azimuth.size, np.cos(polar))]
     )
-    bases = SurfaceMotion(recorded(0.1 * normal), SPHERE).transported
+    bases = SurfaceMotion(Observed(recorded(0.1 * normal), SPHERE)).transported
     np.testing.assert_allclose(np.einsum("kij,kil->kjl", bases, bases), np.tile(np.eye(2), (4001, 1, 1)), atol=1e-10)
     np.testing.assert_allclose(np.einsum("kij,ki->kj", bases, normal), 0.0, atol=1e-10)
     turned = np.arctan2(bases[-1][:, 0] @ bases[0][:, 1], bases[-1][:, 0] @ bases[0][:, 0])
@@ -352,7 +353,7 @@ def decaying(terms, noise=0.0):
 @given(c1=st.floats(-0.1, 0.1), c2=st.floats(-0.1, 0.1))
 @settings(max_examples=40)
 def test_refinement_bounds_what_it_leaves(c1, c2):
-    found = richardson_two_level(decaying({1: c1, 2: c2}), lambda recording: recording.hip)
+    found = richardson_two_level(decaying({1: c1, 2: c2}), CIRCLE, lambda run: run.hip)
     if found.settled:
         assert np.max(np.abs(found.values - 1.0)) <= found.change + 1e-12
 
@@ -367,7 +368,7 @@ def test_three_powers_of_the_tick_are_removed(c):
 
 def test_what_does_not_shrink_with_the_tick_is_not_extrapolated():
     runs_ = decaying({}, noise=1e-3)
-    found = richardson_two_level(runs_, lambda recording: recording.hip)
+    found = richardson_two_level(runs_, CIRCLE, lambda run: run.hip)
     assert not found.settled
     np.testing.assert_array_equal(found.values, runs_.base.hip)
 
@@ -422,13 +423,13 @@ def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
         return cut(whole.refine(factor), 300 * factor - 3, {"tick": 300 * factor - 3})
 
     short = Runs(cut(whole.base, 301, {"tick": 301}), refine=finer)
-    remains = richardson_two_level(short, lambda recording: SurfaceMotion(recording, CIRCLE).distance)
+    remains = richardson_two_level(short, CIRCLE, lambda run: SurfaceMotion(run).distance)
     assert remains.settled
     assert 290 <= len(remains.values) < 301
     for check in ("output-invariance", "tangential-dynamics"):
         assert outcome(check, short, CIRCLE) is PASS
     unended = Runs(cut(whole.base, 301, {}), refine=finer)
-    assert not richardson_two_level(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled
+    assert not richardson_two_level(unended, CIRCLE, lambda run: SurfaceMotion(run).distance).settled
 
 
 @pytest.mark.parametrize(("off", "of_controller", "of_own_tool"), [(0.0, UNDECIDED, NO), (0.01, FAIL, FAIL)])

@@ -19,6 +19,7 @@ from hapticeval.phenomena.measures.crossings import (
     _shift_touching,
     find_crossings,
 )
+from hapticeval.phenomena.observed import Observed
 from hapticeval.renderers import constraint
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
@@ -51,7 +52,7 @@ def over_the_top(towards, *, early=0.0, late=0.0):
 def test_a_force_that_keeps_to_the_edge_or_the_vertex_and_is_gone_passes(towards):
     base = over_the_top(towards)
     assert outcome("broken-contact", base, CUBE) is PASS
-    (crossing,) = find_crossings(base, CUBE, convex=True)
+    (crossing,) = find_crossings(Observed(base, CUBE), convex=True)
     assert crossing.turn == pytest.approx(0.5 * np.pi)
     assert np.array_equal(crossing.normal_pre, UP)
     assert np.abs(crossing.place).max() == pytest.approx(0.05, abs=1e-12)
@@ -77,7 +78,7 @@ def test_three_ticks_of_lag_are_granted_and_five_are_not():
 def test_a_hand_that_is_past_the_edge_for_longer_than_a_lag_has_passed_it(ticks, count):
     base = over_the_top((1.0, 0.0))
     past = int(np.argmax(base.hip[:, 0] > 0.05))
-    crossings = find_crossings(changed(base, rows=slice(0, past + ticks)), CUBE, convex=True)
+    crossings = find_crossings(Observed(changed(base, rows=slice(0, past + ticks)), CUBE), convex=True)
     assert [(crossing.crossed, crossing.end) for crossing in crossings] == count * [(past, past + ticks)]
 
 
@@ -128,7 +129,7 @@ def round_the_notch(*, along=0.0, spread=0.0):
 def test_a_crossing_of_a_notch_begins_under_the_first_face_and_ends_under_the_second():
     """Along x to the edge under a face that looks up, and down along y under one that looks along x."""
     base = round_the_notch()
-    (crossing,) = find_crossings(base, NOTCHED, convex=False)
+    (crossing,) = find_crossings(Observed(base, NOTCHED), convex=False)
     assert np.array_equal(crossing.normal_pre, [0.0, 1.0, 0.0])
     assert np.array_equal(crossing.normal_post, [1.0, 0.0, 0.0])
     assert crossing.turn == pytest.approx(0.5 * np.pi)
@@ -195,7 +196,7 @@ def across_a_trough(leans, *, height=0.0):
 
 def test_a_third_face_that_is_touched_between_two_samples_begins_no_switch():
     base = across_a_trough([-0.02 + 1.5 * STEP])
-    (crossing,) = find_crossings(base, TROUGH, convex=False)
+    (crossing,) = find_crossings(Observed(base, TROUGH), convex=False)
     np.testing.assert_array_equal(crossing.normal_pre, [0.0, 1.0, 0.0])
     np.testing.assert_array_equal(crossing.normal_post, [-1.0, 0.0, 0.0])
     assert outcome("abrupt-switch", base, TROUGH) is PASS
@@ -223,7 +224,7 @@ def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_
 def test_every_face_of_a_solid_is_one_from_which_an_edge_is_passed(turn, sign):
     base = over_the_top((1.0, 0.2))
     turned = recorded(sign * base.hip @ turn, sign * base.ihip @ turn)
-    (crossing,) = find_crossings(turned, CUBE, convex=True)
+    (crossing,) = find_crossings(Observed(turned, CUBE), convex=True)
     np.testing.assert_array_equal(crossing.normal_pre, sign * UP @ turn)
     assert outcome("broken-contact", turned, CUBE) is PASS
 
@@ -238,7 +239,7 @@ def test_every_face_may_be_the_first_or_the_second_at_a_concave_edge(roll, backw
     facets = (mesh.facets + roll) % (mesh.facets.max() + 1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mesh, "facets", facets)
-        (crossing,) = find_crossings(recorded(base.hip[rows], base.ihip[rows]), NOTCHED, convex=False)
+        (crossing,) = find_crossings(Observed(recorded(base.hip[rows], base.ihip[rows]), NOTCHED), convex=False)
     assert crossing.turn == pytest.approx(0.5 * np.pi)
 
 
@@ -246,7 +247,7 @@ def test_the_mean_force_of_a_sample_in_which_the_next_contact_begins_does_not_re
     """Off the end of an L's foot, and then against its leg, which has the same normal: within a sample."""
     corners = np.array([[0.07, -0.03, 0.03], [0.04, -0.02, 0.03], [-0.02, 0.03, 0.02]])
     recording = ideal(NOTCHED).simulate(Path([0.0, 0.4, 0.8], corners), 1e-3)
-    (crossing,) = find_crossings(recording, NOTCHED, convex=True)
+    (crossing,) = find_crossings(Observed(recording, NOTCHED), convex=True)
     pushed = np.linalg.norm(recording.force, axis=1) > 0.0
     assert not pushed[crossing.crossed : crossing.end - 1].any()
     assert pushed[crossing.end - 1]
@@ -262,7 +263,7 @@ def test_a_hand_that_comes_over_an_edge_in_the_plane_of_a_face_is_under_no_face_
     over = 0.05 + height
     points = np.array([[0.08, 0.0, over], [0.03, 0.0, over], [0.03, 0.03, 0.049], [0.03, 0.07, 0.049]])
     hip = np.vstack([np.linspace(a, b, 500) for a, b in pairwise(points)])
-    crossings = find_crossings(recorded(hip), CUBE, convex=True)
+    crossings = find_crossings(Observed(recorded(hip), CUBE), convex=True)
     assert [tuple(crossing.normal_pre) for crossing in crossings] == [tuple(normal) for normal in normals]
 
 

@@ -16,6 +16,7 @@ from hapticeval.phenomena.checks.passivity import _judge_law, _spends_store
 from hapticeval.phenomena.decisions import MOST_LAPS, RIGID_WORK_SHARE
 from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork
 from hapticeval.phenomena.measures.gained_work import Gain, Span, gain_over, stored_before
+from hapticeval.phenomena.observed import Observed
 
 ALONG = Span(1, 3, "since free space")
 
@@ -95,7 +96,7 @@ class TestGain:
         assert self.gain_of(**numbers).telling is tells
 
     def test_the_way_that_gives_most_beyond_what_is_open_is_told(self):
-        base = slide()
+        base = Observed(slide(), LINE)
         small, large = self.gain_of(law=0.45, open=0.1), self.gain_of(law=0.4, open=0.0)
         lap, unclear = replace(self.gain_of(law=0.1, open=0.0), span=Span.of_lap(1, 3)), self.gain_of(law=9.0, open=1.0)
         finding = _judge_law(base, [small, large, lap, unclear], [small, large, lap])
@@ -114,22 +115,22 @@ class TestGain:
 
 def test_a_force_below_the_floor_stores_what_a_spring_does_and_a_lap_that_does_not_close_its_gap_s_work():
     base = slide(count=12)
-    assert stored_before(base, Span(2, 9, ALONG.what), LINE) == pytest.approx(1.0 / 2000.0)
+    assert stored_before(Observed(base, LINE), Span(2, 9, ALONG.what)) == pytest.approx(1.0 / 2000.0)
     soft = changed(base, meta={"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
-    assert stored_before(soft, Span(2, 9, ALONG.what), LINE) == pytest.approx(1.0 / 1000.0)
+    assert stored_before(Observed(soft, LINE), Span(2, 9, ALONG.what)) == pytest.approx(1.0 / 1000.0)
     force = np.array(base.force)
     for row in (2, 9):
         # 1 N at one end and 3 N at the other, over 0.7 mm.
         force[[2, 9], 1] = 1.0
         force[row, 1] = 3.0
-        assert stored_before(changed(base, force=force), Span.of_lap(2, 9), LINE) == pytest.approx(3.0 * 7e-4)
+        assert stored_before(Observed(changed(base, force=force), LINE), Span.of_lap(2, 9)) == pytest.approx(3.0 * 7e-4)
 
 
 def test_work_is_summed_by_the_trapezoid_and_as_held_at_the_rows_of_the_base_run():
     """At twice the rate: rows 0, 2 and 4 are those of the base run."""
     hip = 1e-3 * np.column_stack([[0.0, 1.0, 2.0, 2.0, 3.0], np.full(5, -1.0)])
     force = np.column_stack([[1.0, 3.0, -2.0, 5.0, 1.0], np.zeros(5)])
-    work = SampledWork(recorded(hip, hip * [1.0, 0.0], force, dt=5e-4), 2, LINE)
+    work = SampledWork(Observed(recorded(hip, hip * [1.0, 0.0], force, dt=5e-4), LINE), 2)
     np.testing.assert_allclose(work.smooth, 1e-3 * np.array([0.0, 2.5, 5.5]))
     np.testing.assert_allclose(work.held, 1e-3 * np.array([0.0, 4.0, 9.0]))
     np.testing.assert_allclose(work.crossed, 1e-3 * np.array([0.0, 2.5, 5.5]))

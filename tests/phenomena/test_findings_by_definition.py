@@ -33,6 +33,7 @@ from hapticeval.phenomena.decisions import (
     STEEP_FACTOR,
 )
 from hapticeval.phenomena.inherent import reason_inherent
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import rounding
 from hapticeval.phenomena.verdict import Finding, Metric
@@ -143,10 +144,10 @@ class TestPulling:
     def test_outward_is_to_the_contact_point_and_along_the_normal_where_that_is_the_hand(self):
         base = slide()
         aside = changed(base, ihip=base.ihip + np.array([1e-3, 0.0]))
-        np.testing.assert_allclose(find_outward(aside, LINE), np.full((12, 2), math.sqrt(0.5)))
+        np.testing.assert_allclose(find_outward(Observed(aside, LINE)), np.full((12, 2), math.sqrt(0.5)))
         for share, outward in ((0.9, [0.0, 1.0]), (1.1, [1.0, 0.0])):
             near = changed(base, ihip=base.hip + np.array([share * rounding(LINE), 0.0]))
-            np.testing.assert_allclose(find_outward(near, LINE), np.tile(outward, (12, 1)), atol=1e-12)
+            np.testing.assert_allclose(find_outward(Observed(near, LINE)), np.tile(outward, (12, 1)), atol=1e-12)
 
 
 def test_a_drift_is_told_where_the_hand_does_not_explain_it():
@@ -652,7 +653,9 @@ class TestForceInFreeSpace:
         ihip = np.maximum(hip, 0.0) if apart else hip
         forces = 1000.0 * (ihip - hip)
         forces[list(rows), 1] = force
-        return _find_force_in_free_space(recorded(hip, ihip, forces, meta={"source": "playback", **meta}), LINE)
+        return _find_force_in_free_space(
+            Observed(recorded(hip, ihip, forces, meta={"source": "playback", **meta}), LINE)
+        )
 
     @pytest.mark.parametrize(("row", "told"), [(12, False), (13, True), (29, True)])
     def test_it_is_told_where_the_hand_is_free_for_three_ticks_to_either_side(self, row, told):

@@ -18,7 +18,6 @@ from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.checks.force_magnitude import _finding, _misfit
 from hapticeval.phenomena.checks.friction_work import _dissipated_work, _stored_energy
 from hapticeval.phenomena.checks.passivity import explained_work
-from hapticeval.phenomena.measures.lag import force_lag
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
@@ -26,6 +25,7 @@ from hapticeval.phenomena.measures.stiffness import (
     _curvature_force,
     _stiffness_share,
     _sure_depth,
+    find_pressed_ticks,
     largest_other_force,
     measure_stiffness,
 )
@@ -41,6 +41,7 @@ from hapticeval.phenomena.measures.stiffness_pattern import (
     _rank_groups,
 )
 from hapticeval.phenomena.measures.surface_force import surface_force_of
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import Spring
@@ -48,6 +49,10 @@ from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
 COUNT, STEP, DT = 40, 1e-4, 1e-3
+
+
+def stiffness_of(base, spring):
+    return measure_stiffness(base, find_pressed_ticks(base), spring)
 
 
 def moving(scene, *, depth=2e-3, sink=0.0, gain=1.0, extra=None, **more):
@@ -72,7 +77,7 @@ class TestStiffness:
     @pytest.mark.parametrize("spring", list(Spring))
     def test_a_spring_is_measured_as_what_it_is_within_what_rounding_leaves_open(self, spring):
         base = moving(LINE, gain=1.3, meta={"spring": spring.value})
-        measured = measure_stiffness(base, LINE, spring)
+        measured = stiffness_of(Observed(base, LINE), spring)
         # In the last three rows a late IHIP would be missing: the force may be that of any depth within a lag.
         assert np.flatnonzero(measured.begins).tolist() == [COUNT - 3, COUNT - 2, COUNT - 1]
         within, ends = slice(0, COUNT - 3), slice(COUNT - 3, None)
@@ -93,7 +98,7 @@ class TestStiffness:
     @pytest.mark.parametrize("sink", [0.0, 5e-5])
     def test_a_damper_may_make_its_share_along_the_depth_and_at_any_speed_within_a_lag(self, sink):
         scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=2.0)
-        measured = measure_stiffness(moving(scene, sink=sink, meta={"spring": "error"}), scene, Spring.ERROR)
+        measured = stiffness_of(Observed(moving(scene, sink=sink, meta={"spring": "error"}), scene), Spring.ERROR)
         row = 20
         rounding = 4.0 * SINGLE * (STEP * (COUNT - 1) + measured.depth[row])
         depth = 2e-3 + sink * row
@@ -105,28 +110,30 @@ class TestStiffness:
 
     def test_the_curvature_may_make_what_it_calls_for_of_one_who_declares_no_spring(self):
         scene, base = round_circle()
-        measured = measure_stiffness(base, scene, Spring.ERROR)
+        measured = stiffness_of(Observed(base, scene), Spring.ERROR)
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
         step = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1)[0]
         bending = 0.1 * (step / DT) ** 2 / 0.1
         assert measured.allowed[20] == pytest.approx((bending + 1000.0 * rounding) / 2.0, rel=1e-3)
-        np.testing.assert_allclose(largest_other_force(base, scene)[20], bending, rtol=1e-3)
+        np.testing.assert_allclose(largest_other_force(Observed(base, scene))[20], bending, rtol=1e-3)
         declared = changed(base, meta={"spring": "error"})
-        np.testing.assert_allclose(largest_other_force(declared, scene), 0.0)
-        assert measure_stiffness(declared, scene, Spring.ERROR).allowed[20] == pytest.approx(rounding / 2e-3, rel=1e-3)
+        np.testing.assert_allclose(largest_other_force(Observed(declared, scene)), 0.0)
+        assert stiffness_of(Observed(declared, scene), Spring.ERROR).allowed[20] == pytest.approx(
+            rounding / 2e-3, rel=1e-3
+        )
 
     @pytest.mark.parametrize(("declared", "coarse"), [(0.01, 0.01), (1.0, 0.05 * 2.0)])
     def test_a_force_is_as_coarse_as_declared_up_to_a_twentieth_of_the_largest(self, declared, coarse):
         base = moving(LINE, meta={"spring": "error", "force_resolution": declared})
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
-        measured = measure_stiffness(base, LINE, Spring.ERROR)
+        measured = stiffness_of(Observed(base, LINE), Spring.ERROR)
         assert measured.allowed[20] == pytest.approx((coarse + 1000.0 * rounding) / 2.0, rel=1e-6)
 
     def test_a_log_is_as_coarse_as_half_the_steps_of_its_numbers(self):
         """Steps of 10 mm of the depth and so of 10 N, and of 0.1 mm along the line."""
         base = moving(LINE, sink=1e-2, meta={"spring": "error"})
         logged = changed(base, meta={"source": "log"})
-        simulated, measured = (measure_stiffness(run, LINE, Spring.ERROR) for run in (base, logged))
+        simulated, measured = (stiffness_of(Observed(run, LINE), Spring.ERROR) for run in (base, logged))
         # Along the line HIP and IHIP go, in depth the HIP alone.
         coarse = 0.5 * 1000.0 * math.hypot(STEP, STEP, 1e-2) + 0.5 * 10.0
         depth = 2e-3 + 1e-2 * 20
@@ -136,7 +143,7 @@ class TestStiffness:
     def test_a_tool_that_stands_off_may_be_pulled_from_the_surface_or_from_where_it_is(self):
         base = moving(LINE)
         off = changed(base, ihip=base.ihip + np.array([0.0, 5e-4]), meta={"standoff": 1e-3})
-        measured = measure_stiffness(off, LINE, Spring.ERROR)
+        measured = stiffness_of(Observed(off, LINE), Spring.ERROR)
         # 2 N over 2.5 mm, of which half a millimetre may be the standoff
         inner = ~measured.begins
         farthest = 1.0 + (3.0 * STEP / 2.5e-3) ** 2
@@ -160,10 +167,10 @@ class TestStiffness:
     def test_the_depth_of_a_silent_tick_is_the_least_that_hip_ihip_and_model_show(self):
         base = moving(LINE)
         aside = changed(base, ihip=base.ihip + np.array([3e-3, 0.0]))
-        np.testing.assert_allclose(_sure_depth(aside, LINE, Spring.ERROR), 2e-3)
-        np.testing.assert_allclose(_sure_depth(aside, LINE, Spring.NORMAL), 2e-3)
+        np.testing.assert_allclose(_sure_depth(Observed(aside, LINE), Spring.ERROR), 2e-3)
+        np.testing.assert_allclose(_sure_depth(Observed(aside, LINE), Spring.NORMAL), 2e-3)
         below = changed(base, ihip=base.ihip - np.array([0.0, 1.5e-3]))
-        np.testing.assert_allclose(_sure_depth(below, LINE, Spring.ERROR), 5e-4)
+        np.testing.assert_allclose(_sure_depth(Observed(below, LINE), Spring.ERROR), 5e-4)
 
     def test_a_silent_hand_calls_for_a_force_inside_the_model_alone(self):
         hip = np.column_stack([np.zeros(6), [-1e-3, -1e-3, 1e-3, -1e-3, 1e-3, 1e-3]])
@@ -171,7 +178,7 @@ class TestStiffness:
         force = np.zeros((6, 2))
         force[0, 1] = 1.0
         base = recorded(hip, ihip, force, contact=np.ones(6))
-        assert _calls_for_force(base, LINE).tolist() == [True, True, False, True, False, False]
+        assert _calls_for_force(Observed(base, LINE)).tolist() == [True, True, False, True, False, False]
 
 
 class TestCauses:
@@ -231,7 +238,7 @@ class TestCauses:
         return ApparentStiffness(rows, ratio, low, high, allowed, allowed, depth, rate, begins)
 
     def test_the_law_that_fits_better_is_within_the_range_then_clear_then_off_in_fewer_ticks_and_by_less(self):
-        base = moving(LINE)
+        base = Observed(moving(LINE), LINE)
         misfits = [
             _misfit(self.measured(ratio, allowed=allowed), base)
             for ratio, allowed in (
@@ -253,7 +260,7 @@ class TestCauses:
     @pytest.mark.parametrize(("share", "bound"), [(2.5, 0.8), (0.2, 0.45)])
     def test_a_stiffness_outside_of_what_is_not_declared_is_off_the_nearer_end(self, share, bound):
         """Undeclared it may be 0.55 to 1.8 of the scene's: 1.1 / 2 and 0.9 * 2."""
-        finding = _finding(moving(LINE, gain=share), LINE, self.measured([share] * COUNT), Level.SHOULD)
+        finding = _finding(Observed(moving(LINE, gain=share), LINE), self.measured([share] * COUNT), Level.SHOULD)
         assert (finding.level, finding.outcome) == (Level.MUST, Outcome.FAIL)
         assert finding.bound == pytest.approx(bound + 1e-3)
         assert finding.metric.value == pytest.approx(abs(share - 1.0))
@@ -263,7 +270,7 @@ class TestCauses:
     )
     def test_a_stiffness_is_told_of_one_tick_within_a_contact(self, begins, decides):
         measured = self.measured([1.0] * len(begins), begins=begins)
-        finding = _finding(moving(LINE), LINE, measured, Level.SHOULD)
+        finding = _finding(Observed(moving(LINE), LINE), measured, Level.SHOULD)
         assert finding.outcome is (Outcome.PASS if decides else Outcome.INCONCLUSIVE)
 
     def test_a_filter_s_time_constant_is_found_where_it_explains_nine_tenths_of_what_is_missing(self):
@@ -272,15 +279,19 @@ class TestCauses:
         late = 4e-3 * 1000.0 * 2e-5 / DT
         filtered = changed(base, force=base.force - np.array([0.0, late]))
         ticks = np.arange(5, 30)
-        assert _low_pass_constant(filtered, LINE, ticks) == pytest.approx(4e-3)
-        assert _low_pass_constant(changed(base, force=base.force + np.array([0.0, late])), LINE, ticks) is None
+        assert _low_pass_constant(Observed(filtered, LINE), ticks) == pytest.approx(4e-3)
+        assert (
+            _low_pass_constant(Observed(changed(base, force=base.force + np.array([0.0, late])), LINE), ticks) is None
+        )
         # A way aside that no filter answers: a share q of what is late leaves 1 / (1 + q^2) of it explained.
         aside = np.column_stack([late / 1000.0 * (-1.0) ** np.arange(COUNT), np.zeros(COUNT)])
-        assert _low_pass_constant(changed(filtered, hip=base.hip + 0.32 * aside), LINE, ticks) == pytest.approx(4e-3)
-        assert _low_pass_constant(changed(filtered, hip=base.hip + 0.35 * aside), LINE, ticks) is None
-        assert _low_pass_constant(filtered, LINE, ticks[::2]) is None, "no two ticks in a row"
+        assert _low_pass_constant(
+            Observed(changed(filtered, hip=base.hip + 0.32 * aside), LINE), ticks
+        ) == pytest.approx(4e-3)
+        assert _low_pass_constant(Observed(changed(filtered, hip=base.hip + 0.35 * aside), LINE), ticks) is None
+        assert _low_pass_constant(Observed(filtered, LINE), ticks[::2]) is None, "no two ticks in a row"
         felt = Recording(base.time, {"hip": base.hip, "force": filtered.force})
-        assert _low_pass_constant(felt, LINE, ticks) is None, "and without an IHIP"
+        assert _low_pass_constant(Observed(felt, LINE), ticks) is None, "and without an IHIP"
 
     def test_first_and_last_and_shallow_and_deep_are_tenths_of_the_samples(self):
         """Of 400 samples forty: a tenth of 399 is 39.9."""
@@ -323,16 +334,18 @@ class TestCauses:
         silent = np.arange(COUNT) < 10
         measured = self.measured(np.where(silent, 0.0, 1.0), depth=depth)
         band = "a dead band: no force up to a depth of 1 mm, where the spring gives 1 N"
-        assert _describe_missing_force(shallow, LINE, measured, silent) == band
+        assert _describe_missing_force(Observed(shallow, LINE), measured, silent) == band
         even = changed(shallow, hip=hip - np.array([0.0, 1e-3]) * silent[:, np.newaxis])
-        words = _describe_missing_force(even, LINE, measured, silent)
+        words = _describe_missing_force(Observed(even, LINE), measured, silent)
         assert words == band.replace("1 mm", "2 mm").replace("1 N", "2 N"), "as deep as where there is one"
         deeper = changed(shallow, hip=hip - np.array([0.0, 2e-3]) * silent[:, np.newaxis])
-        words = _describe_missing_force(deeper, LINE, measured, silent)
+        words = _describe_missing_force(Observed(deeper, LINE), measured, silent)
         assert words.startswith("no force for 10 ticks from t = 0 s to 0.009 s")
-        assert _describe_missing_force(shallow, LINE, measured, ~silent) is None, "what deviates has a force"
+        assert _describe_missing_force(Observed(shallow, LINE), measured, ~silent) is None, "what deviates has a force"
         strong = self.measured(np.where(silent, 1.5, 1.0), depth=depth)
-        assert _describe_missing_force(shallow, LINE, strong, silent) is None, "small as its depth is, it is too large"
+        assert _describe_missing_force(Observed(shallow, LINE), strong, silent) is None, (
+            "small as its depth is, it is too large"
+        )
 
 
 def test_the_curvature_s_force_takes_the_largest_speed_of_hand_and_tool_around_a_tick():
@@ -343,16 +356,18 @@ def test_the_curvature_s_force_takes_the_largest_speed_of_hand_and_tool_around_a
     ticks = np.arange(COUNT)
     hand = np.where(ticks == 5, 0.3, 0.0)[:, np.newaxis] * np.array([1.0, 0.0])
     expected = np.where(ticks == 5, 0.3, np.where((ticks == 37) | (ticks == 38), 0.2, 0.1))
-    np.testing.assert_allclose(_curvature_force(base, scene, hand, ticks), 0.1 * 10.0 * expected**2, rtol=1e-5)
+    np.testing.assert_allclose(
+        _curvature_force(Observed(base, scene), hand, ticks), 0.1 * 10.0 * expected**2, rtol=1e-5
+    )
     springy = changed(base, meta={"spring": "error"})
-    assert not _curvature_force(springy, scene, hand, ticks).any(), "a declared spring adds nothing"
+    assert not _curvature_force(Observed(springy, scene), hand, ticks).any(), "a declared spring adds nothing"
 
 
 class TestEnergy:
     @pytest.mark.parametrize("lag", [0.0, 0.5, 3.0])
     def test_a_held_and_late_spring_explains_its_share_of_the_squared_steps(self, lag):
         base = moving(LINE, meta={"spring": "error"})
-        explained = explained_work(base, LINE, lag)
+        explained = explained_work(Observed(base, LINE), lag)
         np.testing.assert_allclose(np.diff(explained), (0.5 + lag) * 1000.0 * STEP**2, rtol=1e-9)
         assert explained[0] == 0.0
 
@@ -362,7 +377,7 @@ class TestEnergy:
         base = moving(LINE, meta={"spring": "error"})
         hip, ihip = np.array(base.hip), np.array(base.ihip)
         hip[20:, 0], ihip[20:, 0] = hip[20:, 0] + STEP, ihip[20:, 0] + STEP  # one step is twice as long
-        explained = np.diff(explained_work(recorded(hip, ihip, meta=base.meta), LINE, lag))
+        explained = np.diff(explained_work(Observed(recorded(hip, ihip, meta=base.meta), LINE), lag))
         expected = np.where((np.arange(COUNT - 1) >= 19) & (np.arange(COUNT - 1) <= 21), 4.0, 1.0)
         np.testing.assert_allclose(explained, (0.5 + lag) * 1000.0 * STEP**2 * expected, rtol=1e-9)
 
@@ -372,7 +387,7 @@ class TestEnergy:
         extra[20:, 0] = 0.05  # along the surface; the damper may give 1 N s/m * 0.1 m/s
         for size, counts in ((0.05, 0.05), (0.5, 0.1)):
             base = moving(scene, extra=extra * size / 0.05, meta={"spring": "error"})
-            explained = np.diff(explained_work(base, scene, 0.0))
+            explained = np.diff(explained_work(Observed(base, scene), 0.0))
             spring = 0.5 * 1000.0 * STEP**2
             assert explained[19] == pytest.approx(spring + 0.5 * counts * STEP, rel=1e-6)
             assert explained[25] == pytest.approx(spring, rel=1e-6)
@@ -380,19 +395,19 @@ class TestEnergy:
     def test_a_declared_range_adds_its_change_over_the_depth_and_in_free_space_nothing_is_held(self):
         gain = np.where(np.arange(COUNT) < 20, 1.0, 1.5)[:, np.newaxis]
         base = moving(LINE, gain=gain, meta={"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
-        explained = np.diff(explained_work(base, LINE, 0.0))
+        explained = np.diff(explained_work(Observed(base, LINE), 0.0))
         assert explained[10] == pytest.approx(0.5 * 1000.0 * STEP**2, rel=1e-6)
         changed_force = 0.5 * 1000.0 * 2e-3
         assert explained[19] == pytest.approx(0.5 * (1500.0 * STEP**2 + changed_force * STEP), rel=1e-6)
         assert explained[30] == pytest.approx(0.5 * 1500.0 * STEP**2, rel=1e-6)
         free = recorded(np.column_stack([STEP * np.arange(COUNT), np.full(COUNT, 1e-3)]))
-        np.testing.assert_array_equal(explained_work(free, LINE, 3.0), 0.0)
+        np.testing.assert_array_equal(explained_work(Observed(free, LINE), 3.0), 0.0)
 
     def test_a_force_that_rests_is_as_much_later(self):
         base = moving(LINE, sink=5e-5)
-        assert force_lag(base, LINE) == 0.0
+        assert Observed(base, LINE).force_lag == 0.0
         held = np.array(base.force)[np.arange(COUNT) // 2 * 2]
-        assert force_lag(changed(base, force=held), LINE) == pytest.approx(0.5, abs=0.05)
+        assert Observed(changed(base, force=held), LINE).force_lag == pytest.approx(0.5, abs=0.05)
 
 
 class TestFriction:
@@ -400,7 +415,7 @@ class TestFriction:
 
     def test_a_force_s_parts_are_across_and_along_the_surface(self):
         base = moving(self.SCENE, extra=np.array([0.4, 0.0]), velocity=np.tile([0.1, -0.02], (COUNT, 1)))
-        surface_force = surface_force_of(base, self.SCENE)
+        surface_force = surface_force_of(Observed(base, self.SCENE))
         np.testing.assert_allclose(surface_force.normal_force, 2.0)
         np.testing.assert_allclose(surface_force.tangential_force, np.tile([0.4, 0.0], (COUNT, 1)), atol=1e-12)
         np.testing.assert_allclose(surface_force.tangential_size, 0.4)
@@ -408,32 +423,37 @@ class TestFriction:
         reach = 1000.0 * np.abs(base.hip).max() + math.hypot(2.0, 0.4)
         np.testing.assert_allclose(surface_force.open_force, 8.0 * 2.0**-52 * reach, rtol=1e-6)
         damped = Scene(model=line(), stiffness=1000.0, damping=3.0, effects=(ViscousFriction(2.0),))
-        np.testing.assert_allclose(surface_force_of(base, damped).open_force, 5.0 * 0.1, rtol=1e-6)
+        np.testing.assert_allclose(surface_force_of(Observed(base, damped)).open_force, 5.0 * 0.1, rtol=1e-6)
         lifted = changed(base, force=np.zeros((COUNT, 2)))
-        assert not surface_force_of(lifted, self.SCENE).pressed.any()
+        assert not surface_force_of(Observed(lifted, self.SCENE)).pressed.any()
 
     def test_a_pull_on_a_constraint_that_holds_from_both_sides_presses(self):
         scene = Scene(model=line(), stiffness=1000.0, bilateral=True, effects=(Friction(mu_s=0.5, mu_k=0.3),))
         base = moving(scene, depth=-2e-3)
-        np.testing.assert_allclose(surface_force_of(base, scene).normal_force, 2.0)
-        np.testing.assert_allclose(surface_force_of(base, self.SCENE).normal_force, -2.0)
+        np.testing.assert_allclose(surface_force_of(Observed(base, scene)).normal_force, 2.0)
+        np.testing.assert_allclose(surface_force_of(Observed(base, self.SCENE)).normal_force, -2.0)
 
     def test_a_lap_takes_the_slip_s_friction_and_what_the_spring_relaxes(self):
         """The tool follows the hand by steps of its own, held back by mu_k F_n."""
         base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
         behind = changed(base, ihip=base.ihip - np.array([6e-4, 0.0]))
         moved = np.diff(behind.hip, axis=0)
-        work, doubt = _dissipated_work(behind, surface_force_of(behind, self.SCENE), self.SCENE, moved)
+        work, doubt = _dissipated_work(
+            Observed(behind, self.SCENE), surface_force_of(Observed(behind, self.SCENE)), moved
+        )
         # mu_k F_n ds, and K ds . (ds - dx) / 2 = 0 for a tool that moves as the hand does
         np.testing.assert_allclose(work, 0.3 * 2.0 * STEP, rtol=1e-6)
         np.testing.assert_array_equal(doubt, 0.0)
         np.testing.assert_allclose(
-            _stored_energy(behind, surface_force_of(behind, self.SCENE), self.SCENE), (4.0 + 0.36) / 2e3
+            _stored_energy(Observed(behind, self.SCENE), surface_force_of(Observed(behind, self.SCENE))),
+            (4.0 + 0.36) / 2e3,
         )
         halves = changed(
             behind, ihip=behind.ihip + 0.5 * STEP * np.column_stack([np.arange(COUNT) % 2, np.zeros(COUNT)])
         )
-        relaxed = _dissipated_work(halves, surface_force_of(halves, self.SCENE), self.SCENE, moved)[0]
+        relaxed = _dissipated_work(Observed(halves, self.SCENE), surface_force_of(Observed(halves, self.SCENE)), moved)[
+            0
+        ]
         slip = np.diff(halves.ihip, axis=0)[:, 0]
         beside_spring = (1000.0 * (halves.ihip - halves.hip) - halves.force)[1:, 0] * slip
         np.testing.assert_allclose(
@@ -444,9 +464,13 @@ class TestFriction:
         scene = LINE.with_effects(ViscousFriction(2.0))
         speeds = np.column_stack([0.1 + 0.01 * np.arange(COUNT), np.zeros(COUNT)])
         base = moving(scene, velocity=speeds)
-        work, _ = _dissipated_work(base, surface_force_of(base, scene), scene, np.diff(base.hip, axis=0))
+        work, _ = _dissipated_work(
+            Observed(base, scene), surface_force_of(Observed(base, scene)), np.diff(base.hip, axis=0)
+        )
         np.testing.assert_allclose(work, 2.0 * 0.5 * (speeds[1:, 0] + speeds[:-1, 0]) * STEP, rtol=1e-6)
-        np.testing.assert_array_equal(_stored_energy(base, surface_force_of(base, scene), scene), 0.0)
+        np.testing.assert_array_equal(
+            _stored_energy(Observed(base, scene), surface_force_of(Observed(base, scene))), 0.0
+        )
 
     @pytest.mark.parametrize("speed", [1e-3, 2e-2])
     def test_the_bristles_bend_as_their_equation_has_it(self, speed):
@@ -456,7 +480,7 @@ class TestFriction:
         count = 60
         hip = np.column_stack([speed * DT * np.arange(count), np.full(count, -2e-3)])
         base = recorded(hip, hip * [1.0, 0.0], velocity=np.tile([speed, 0.0], (count, 1)))
-        surface_force = surface_force_of(base, scene)
+        surface_force = surface_force_of(Observed(base, scene))
         force = lugre_force(law, surface_force, DT, 1)[:, 0]
         limit = float(law.limit(np.array([[speed]]))[0, 0]) * 2.0
         rate = lambda _, z: speed - 2e4 * speed * z / limit  # noqa: E731
@@ -473,12 +497,12 @@ class TestFriction:
         there = np.concatenate([np.arange(30), np.arange(30, 0, -1)])
         hip = np.column_stack([STEP * there, np.full(60, -2e-3)])
         base = recorded(hip, hip * [1.0, 0.0])
-        force = lugre_force(law, surface_force_of(base, scene), DT, 1)[:, 0]
+        force = lugre_force(law, surface_force_of(Observed(base, scene)), DT, 1)[:, 0]
         assert force[28] > 0.0 > force[58]
         assert force[28] == pytest.approx(-force[58], rel=1e-3)
         lifted = np.array(base.force)
         lifted[15:20] = 0.0
-        gap = lugre_force(law, surface_force_of(changed(base, force=lifted), scene), DT, 1)[:, 0]
+        gap = lugre_force(law, surface_force_of(Observed(changed(base, force=lifted), scene)), DT, 1)[:, 0]
         np.testing.assert_array_equal(gap[15:20], 0.0)
         np.testing.assert_allclose(gap[20:29], force[1:10], rtol=1e-6)
 
@@ -488,7 +512,7 @@ class TestFriction:
         speeds = np.concatenate([np.full(3, 1e-3), 1e-3 + 2e-3 * np.arange(1, 12)])
         hip = np.column_stack([np.zeros(speeds.size), np.full(speeds.size, -2e-3)])
         base = recorded(hip, hip * [1.0, 0.0], velocity=np.column_stack([speeds, np.zeros(speeds.size)]))
-        force = lugre_force(law, surface_force_of(base, scene), DT, 64)[:, 0]
+        force = lugre_force(law, surface_force_of(Observed(base, scene)), DT, 64)[:, 0]
 
         def speed(time):
             """The tick of row k ends at k ticks: in the first the speed is what it is at its end."""
@@ -508,7 +532,7 @@ class TestFriction:
         base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
         lifted = changed(base, ihip=base.ihip + np.array([0.0, 1e-6]) * np.arange(COUNT)[:, np.newaxis])
         moved = np.diff(lifted.hip, axis=0)
-        work, _ = _dissipated_work(lifted, surface_force_of(lifted, self.SCENE), self.SCENE, moved)
+        work, _ = _dissipated_work(Observed(lifted, self.SCENE), surface_force_of(Observed(lifted, self.SCENE)), moved)
         slip = np.array([STEP, 1e-6])
         beside_spring = (1000.0 * (lifted.ihip - lifted.hip) - lifted.force)[1:] @ slip
         relaxed = 500.0 * np.sum(slip * (slip - moved), axis=1)

@@ -23,6 +23,16 @@ from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.decisions import LAG_ROWS
+from hapticeval.phenomena.lag import (
+    Lag,
+    _spread_rows,
+    believed_lag,
+    beside_straight,
+    delayed,
+    largest_in_lag,
+    likely_force_lags,
+    resting_ticks,
+)
 from hapticeval.phenomena.measures.closed_paths import LapRun, contact_spans, laps, running_sums
 from hapticeval.phenomena.measures.crossings import worst_finding
 from hapticeval.phenomena.measures.gained_work import Span
@@ -36,37 +46,15 @@ from hapticeval.phenomena.measures.jumps import (
     aitken,
     lets_go,
 )
-from hapticeval.phenomena.measures.lag import (
-    Lag,
-    _spread_rows,
-    believed_lag,
-    beside_straight,
-    delayed,
-    find_lag,
-    largest_in_lag,
-    likely_force_lags,
-    resting_ticks,
-)
 from hapticeval.phenomena.measures.restated import _directions
-from hapticeval.phenomena.measures.steps import largest_jump, recent_steps, step_bounds, worst_step
+from hapticeval.phenomena.measures.steps import largest_jump, step_bounds, worst_step
 from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.measures.surface_motion import _overshoot, decay_rate
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    believed_standoff,
-    clear_of_surface,
     force_floor,
-    hip_steps,
-    holding,
-    lingering,
     note_cut_standoff,
-    off_surface,
-    position_tolerance,
-    resolution,
     rounding,
-    standoff,
-    time_and_hip,
-    touching,
-    trailing,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric
@@ -193,7 +181,7 @@ def test_a_step_counts_whole_for_three_ticks_and_fades_from_then_on(steps):
         max(moved[j] * (1.0 if i - j <= 3 else math.exp(-(i - j - 3) / 3.0)) for j in range(i + 1))
         for i in range(len(moved))
     ]
-    np.testing.assert_allclose(recent_steps(recorded(hip)), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(Observed(recorded(hip), LINE).recent_steps, expected, rtol=1e-9, atol=1e-12)
 
 
 def slide(*, depth=1e-3, step=1e-4, count=12, aside=0.0):
@@ -206,9 +194,9 @@ def slide(*, depth=1e-3, step=1e-4, count=12, aside=0.0):
 def test_steps_are_held_against_recent_ones_the_standoff_and_rounding():
     base = slide()
     assert rounding(LINE) == 4.0 * 2.0**-23 * LINE.model.size
-    np.testing.assert_allclose(step_bounds(base, LINE, 3, 1e-5)[1:], 3.1e-4)
+    np.testing.assert_allclose(step_bounds(Observed(base, LINE), 3, 1e-5)[1:], 3.1e-4)
     resting = slide(step=0.0)
-    np.testing.assert_array_equal(step_bounds(resting, LINE, 3, 1e-5), rounding(LINE) + 1e-5)
+    np.testing.assert_array_equal(step_bounds(Observed(resting, LINE), 3, 1e-5), rounding(LINE) + 1e-5)
 
 
 def test_the_step_farthest_above_its_bound_is_the_worst_and_the_longest_where_none_is():
@@ -217,12 +205,18 @@ def test_the_step_farthest_above_its_bound_is_the_worst_and_the_longest_where_no
     ihip[5:, 0] += 5e-4
     ihip[8:, 0] += 4e-4
     hops, bounds = changed(base, ihip=ihip), np.full(12, 2e-4)
-    assert worst_step(hops, LINE, bounds) == (pytest.approx(6e-4), 5)
+    assert worst_step(Observed(hops, LINE), bounds) == (pytest.approx(6e-4), 5)
     bounds[5] = 5.5e-4
-    assert worst_step(hops, LINE, bounds) == (pytest.approx(5e-4), 8)
-    assert worst_step(hops, LINE, np.full(12, 1.0)) == (pytest.approx(6e-4), 5) == largest_jump(hops, LINE)
+    assert worst_step(Observed(hops, LINE), bounds) == (pytest.approx(5e-4), 8)
+    assert (
+        worst_step(Observed(hops, LINE), np.full(12, 1.0))
+        == (pytest.approx(6e-4), 5)
+        == largest_jump(Observed(hops, LINE))
+    )
     free = recorded(np.abs(base.hip))
-    assert worst_step(free, LINE, bounds) == (0.0, 0) == largest_jump(free, LINE), "never in contact"
+    assert worst_step(Observed(free, LINE), bounds) == (0.0, 0) == largest_jump(Observed(free, LINE)), (
+        "never in contact"
+    )
 
 
 @pytest.mark.parametrize(("rows", "tick"), [(slice(0, None), 6), (slice(2, 12), 6), (slice(7, 12), None)])
@@ -231,8 +225,8 @@ def test_a_contact_that_was_had_is_let_go_where_the_hand_is_deep(rows, tick):
     gone = np.arange(12) >= 6
     ihip = np.where(gone[:, np.newaxis], base.hip, base.ihip)
     released = changed(base, ihip=ihip, force=1000.0 * (ihip - base.hip))
-    assert lets_go(released, rows, 0.9e-3, LINE) == tick
-    assert lets_go(released, rows, 1.1e-3, LINE) is None
+    assert lets_go(Observed(released, LINE), rows, 0.9e-3) == tick
+    assert lets_go(Observed(released, LINE), rows, 1.1e-3) is None
 
 
 class TestContact:
@@ -249,16 +243,16 @@ class TestContact:
     def test_a_force_above_the_floor_is_contact(self):
         floor = 1000.0 * 5e-6 * LINE.model.size
         assert force_floor(LINE) == pytest.approx(floor)
-        assert np.flatnonzero(touching(self.outside(force=1.01 * floor), LINE)).tolist() == [3]
-        assert not touching(self.outside(force=0.99 * floor), LINE).any()
+        assert np.flatnonzero(Observed(self.outside(force=1.01 * floor), LINE).contact).tolist() == [3]
+        assert not Observed(self.outside(force=0.99 * floor), LINE).contact.any()
 
     def test_a_tool_apart_from_a_hand_outside_trails_and_inside_is_in_contact(self):
         trails = self.outside(ihip=2e-3)
-        assert np.flatnonzero(trailing(trails, LINE)).tolist() == [3]
-        assert not touching(trails, LINE).any()
+        assert np.flatnonzero(Observed(trails, LINE).trailing).tolist() == [3]
+        assert not Observed(trails, LINE).contact.any()
         inside = self.outside(height=-1e-3, ihip=1e-3)
-        assert not trailing(inside, LINE).any()
-        assert np.flatnonzero(touching(inside, LINE)).tolist() == [3]
+        assert not Observed(inside, LINE).trailing.any()
+        assert np.flatnonzero(Observed(inside, LINE).contact).tolist() == [3]
 
     @pytest.mark.parametrize(("off", "far"), [(2.9e-3, False), (3.1e-3, True)])
     def test_a_tool_may_be_off_by_three_steps_unless_the_renderer_says_that_it_is_free(self, off, far):
@@ -266,11 +260,11 @@ class TestContact:
         hip = np.column_stack([along, np.full(6, -1e-3)])
         base = recorded(hip, np.column_stack([along, np.full(6, off)]), np.zeros((6, 2)))
         rows = np.arange(6)
-        assert clear_of_surface(base, rows, LINE).tolist() == [far] * 6
+        assert Observed(base, LINE).clear_of_surface(rows).tolist() == [far] * 6
         free = changed(base, contact=np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
-        assert clear_of_surface(free, rows, LINE).tolist() == [True] * 3 + [far] * 3
+        assert Observed(free, LINE).clear_of_surface(rows).tolist() == [True] * 3 + [far] * 3
         apart = changed(base, meta={"standoff": 5e-4})
-        assert clear_of_surface(apart, rows, LINE).tolist() == [False] * 6, "half a millimetre is declared"
+        assert Observed(apart, LINE).clear_of_surface(rows).tolist() == [False] * 6, "half a millimetre is declared"
 
     @pytest.mark.parametrize(("ticks", "lingers"), [(3, True), (4, False)])
     def test_a_force_lingers_for_three_ticks_after_a_contact(self, ticks, lingers):
@@ -278,10 +272,10 @@ class TestContact:
         ihip = np.where(hip < 0.0, 0.0, hip)
         force = np.zeros((12, 2))
         force[: 4 + ticks, 1] = 1.0
-        late = np.flatnonzero(lingering(recorded(hip, ihip, force), LINE))
+        late = np.flatnonzero(Observed(recorded(hip, ihip, force), LINE).lingering)
         assert late.tolist() == (list(range(4, 4 + ticks)) if lingers else [])
         never = recorded(np.abs(hip), np.abs(hip), force)
-        assert not lingering(never, LINE).any(), "no contact was before"
+        assert not Observed(never, LINE).lingering.any(), "no contact was before"
 
     @pytest.mark.parametrize(
         ("height", "declared", "holds"),
@@ -291,27 +285,31 @@ class TestContact:
         hip = np.column_stack([np.zeros(6), np.full(6, height)])
         ihip = np.column_stack([np.zeros(6), np.full(6, max(height, 0.0) + 1e-3)])
         base = recorded(hip, ihip, meta={"standoff": declared} if declared else {})
-        assert touching(base, LINE).all()
-        assert holding(base, LINE).tolist() == [holds] * 6
+        assert Observed(base, LINE).contact.all()
+        assert Observed(base, LINE).holding.tolist() == [holds] * 6
 
 
-def test_where_the_surface_holds_the_tool_and_how_far_off_it_lies_is_found_once_for_a_recording():
-    base = recorded([[0.0, -1e-3]] * 4, [[0.0, 5e-4]] * 4)
-    assert holding(base, LINE) is holding(base, LINE)
-    assert off_surface(base, LINE) is off_surface(base, LINE)
+def test_all_checks_read_one_object_that_finds_each_quantity_once_and_lets_nobody_write_to_it():
+    runs = Runs(recorded([[0.0, -1e-3]] * 4, [[0.0, 5e-4]] * 4))
+    base = runs.observed(LINE)
+    assert base is runs.observed(LINE)
+    assert base is not runs.observed(Scene(model=line()))
+    assert base.holding is base.holding
+    with pytest.raises(ValueError, match="read-only"):
+        base.holding[0] = False
 
 
 def test_a_standoff_counts_up_to_a_fiftieth_of_the_size_and_as_far_as_it_shows():
     base = recorded([[0.0, -1e-3]] * 4, [[0.0, 5e-4]] * 4, meta={"standoff": 9e-3})
-    assert believed_standoff(base, LINE) == pytest.approx(LINE.model.size / 50.0)
-    assert standoff(base, LINE) == pytest.approx(5e-4)
-    assert position_tolerance(base, LINE) == pytest.approx(5e-4), "the hand rests"
+    assert Observed(base, LINE).believed_standoff == pytest.approx(LINE.model.size / 50.0)
+    assert Observed(base, LINE).standoff == pytest.approx(5e-4)
+    assert Observed(base, LINE).position_tolerance == pytest.approx(5e-4), "the hand rests"
     note = note_cut_standoff(9e-3, LINE)
     assert note == "it declares a standoff of 9 mm, of which 4 mm count, a fiftieth of the model's size"
     assert note_cut_standoff(LINE.model.size / 50.0, LINE) == ""
     moving = slide()
-    assert position_tolerance(moving, LINE) == pytest.approx(3e-4), "three steps"
-    np.testing.assert_allclose(hip_steps(moving), 1e-4)
+    assert Observed(moving, LINE).position_tolerance == pytest.approx(3e-4), "three steps"
+    np.testing.assert_allclose(Observed(moving, LINE).hip_steps, 1e-4)
 
 
 def test_a_resolution_counts_up_to_a_sixteenth_of_the_outline():
@@ -319,7 +317,7 @@ def test_a_resolution_counts_up_to_a_sixteenth_of_the_outline():
     sixteenth = math.pi * 0.2 / 16.0
     for declared, counts in ((0.01, 0.01), (0.1, sixteenth)):
         base = recorded(np.zeros((3, 2)), meta={"resolution": declared})
-        assert resolution(base, scene) == pytest.approx(counts, rel=1e-6)
+        assert Observed(base, scene).resolution == pytest.approx(counts, rel=1e-6)
 
 
 class TestLaps:
@@ -417,8 +415,8 @@ class TestLag:
 
     def test_without_a_force_none_is_late(self):
         free = recorded(np.abs(slide().hip))
-        assert likely_force_lags(free, LINE) == []
-        assert (find_lag(free, LINE).force_hip, find_lag(free, LINE).force_ihip) == (0.0, 0.0)
+        assert likely_force_lags(free, Observed(free, LINE).pressed) == []
+        assert (Observed(free, LINE).lag.force_hip, Observed(free, LINE).lag.force_ihip) == (0.0, 0.0)
 
     def test_what_is_exact_has_none(self):
         assert believed_lag(lambda ticks: 1e-3 * abs(ticks - 1.0), 1e-3) == (0.0, 1e-3)
@@ -450,12 +448,14 @@ class TestLeavingOutSamples:
         return recorded(hip, np.column_stack([along, np.zeros(count)]))
 
     def test_a_smooth_way_grows_with_the_samples_left_out_and_a_jump_does_not(self):
-        assert coarsened_slope(self.stepping(1.0), LINE, 8) == pytest.approx(1.0)
-        assert coarsened_slope(self.stepping(0.0), LINE, 8) == pytest.approx(0.5, abs=0.1), "from -1 over 0 to 1"
+        assert coarsened_slope(Observed(self.stepping(1.0), LINE), 8) == pytest.approx(1.0)
+        assert coarsened_slope(Observed(self.stepping(0.0), LINE), 8) == pytest.approx(0.5, abs=0.1), (
+            "from -1 over 0 to 1"
+        )
 
     def test_a_contact_that_is_too_short_tells_nothing(self):
-        assert math.isnan(coarsened_slope(self.stepping(1.0, count=2), LINE, 1))
-        assert coarsened_slope(self.stepping(1.0, count=3), LINE, 1) == pytest.approx(1.0)
+        assert math.isnan(coarsened_slope(Observed(self.stepping(1.0, count=2), LINE), 1))
+        assert coarsened_slope(Observed(self.stepping(1.0, count=3), LINE), 1) == pytest.approx(1.0)
 
 
 def test_a_step_of_the_assigned_dynamics_overshoots_by_its_damping():
@@ -561,7 +561,7 @@ def test_of_a_tool_that_stays_where_it_is_the_force_is_said_to_be_off_and_where(
     stronger = changed(base, force=base.force * np.where(np.arange(len(base)) == 7, 1.5, 1.0)[:, np.newaxis])
     finding = compare_runs(Runs(base), LINE, stronger, "with other vertices")
     off = 0.5 * float(np.linalg.norm(base.force[7]))
-    assert f"the force is off by {off:.3g} N at {time_and_hip(base, 7)} (1 of " in finding.message
+    assert f"the force is off by {off:.3g} N at {Observed(base, LINE).time_and_hip(7)} (1 of " in finding.message
     aside = changed(base, ihip=base.ihip + 1e-3 * (np.arange(len(base)) == 7)[:, np.newaxis])
     assert "the answer is off by 1.41 mm" in compare_runs(Runs(base), LINE, aside, "with other vertices").message
 
@@ -599,8 +599,8 @@ def test_of_two_equal_jumps_the_first_is_named(first, second):
     hip = np.column_stack([np.zeros(60), np.full(60, -1e-3)])
     along = 1e-2 * (first * (np.arange(60) >= 20) + second * (np.arange(60) >= 40))
     base = recorded(hip, np.column_stack([along, np.zeros(60)]))
-    assert largest_jump(base, LINE)[1] == 20
-    assert worst_step(base, LINE, np.full(60, 1e-3))[1] == 20
+    assert largest_jump(Observed(base, LINE))[1] == 20
+    assert worst_step(Observed(base, LINE), np.full(60, 1e-3))[1] == 20
     steps = 1e-2 * np.where(np.arange(60) == 20, first, np.where(np.arange(60) == 40, second, 0.0))
     assert list(_suspect_stretches(steps, np.full(60, 1e-3), 8)) == [(20, 20), (40, 40)]
 

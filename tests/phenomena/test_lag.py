@@ -12,7 +12,8 @@ from made import recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
-from hapticeval.phenomena.measures.lag import Lag, delayed, find_lag, least_misfit, resting_ticks
+from hapticeval.phenomena.lag import Lag, delayed, least_misfit, resting_ticks
+from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
@@ -41,7 +42,7 @@ scenes = st.sampled_from([ROUND, PLANE, BALL])
 
 
 def lag_of(make, scene):
-    return find_lag(play(make(scene), slide(scene), DT, scene=scene), scene)
+    return Observed(play(make(scene), slide(scene), DT, scene=scene), scene).lag
 
 
 @settings(max_examples=10)
@@ -89,7 +90,7 @@ def test_who_is_not_late_has_exactly_no_lag(name, scene):
 def test_a_spring_has_exactly_no_lag_not_even_in_single_precision(scene):
     recording = play(Spring(scene), slide(scene), DT, scene=scene)
     rounded = [recording.channels[name].astype(np.float32).astype(float) for name in ("hip", "ihip", "force")]
-    assert find_lag(recording, scene) == find_lag(recorded(*rounded, dt=DT), scene) == Lag(0.0, 0.0, 0.0)
+    assert Observed(recording, scene).lag == Observed(recorded(*rounded, dt=DT), scene).lag == Lag(0.0, 0.0, 0.0)
 
 
 def test_a_latency_that_changes_from_tick_to_tick_is_no_lag():
@@ -98,14 +99,14 @@ def test_a_latency_that_changes_from_tick_to_tick_is_no_lag():
     changing = np.maximum(rows - np.random.default_rng(1).integers(0, 4, rows.size), 0)
     ihip = recording.ihip[changing]
     made = recorded(recording.hip, ihip, 1000.0 * (ihip - recording.hip), dt=DT)
-    assert find_lag(made, ROUND) == Lag(0.0, 0.0, 0.0)
+    assert Observed(made, ROUND).lag == Lag(0.0, 0.0, 0.0)
 
 
 def test_a_channel_that_was_not_recorded_has_none():
     recording = play(Spring(ROUND), slide(ROUND), DT, scene=ROUND)
     for name in ("ihip", "force"):
         channels = {key: values for key, values in recording.channels.items() if key != name}
-        assert find_lag(type(recording)(recording.time, channels, recording.meta), ROUND) == Lag(0.0, 0.0, 0.0)
+        assert Observed(type(recording)(recording.time, channels, recording.meta), ROUND).lag == Lag(0.0, 0.0, 0.0)
 
 
 @settings(max_examples=30)
@@ -134,4 +135,4 @@ def test_a_tool_deeper_than_a_hand_that_goes_straight_out_is_late_and_one_above_
     out = np.column_stack([np.zeros(200), -2e-2 + 2e-7 * rows**2])
     push = np.tile([0.0, 5.0], (200, 1))
     for hip, seen in ((out, lag), (out[::-1], 0.0)):
-        assert find_lag(recorded(hip, delayed(hip, rows, lag), push), PLANE).ihip == pytest.approx(seen, abs=0.02)
+        assert Observed(recorded(hip, delayed(hip, rows, lag), push), PLANE).lag.ihip == pytest.approx(seen, abs=0.02)

@@ -33,6 +33,7 @@ from hapticeval.phenomena.checks.texture_relief import (
     bump_map_answer,
     height_map_answer,
 )
+from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
@@ -156,15 +157,15 @@ class TestNormalForce:
 
     def test_a_normal_is_looked_for_within_three_steps_of_the_tool_the_standoff_and_rounding(self):
         rounding = 4.0 * SINGLE * LINE.model.size
-        np.testing.assert_allclose(_normal_reach(self.slide(), LINE), 3.0 * self.STEP + rounding)
+        np.testing.assert_allclose(_normal_reach(Observed(self.slide(), LINE)), 3.0 * self.STEP + rounding)
         off = self.slide(meta={"standoff": 5e-4})
-        np.testing.assert_allclose(_normal_reach(off, LINE), 3.0 * self.STEP + rounding + 5e-4)
+        np.testing.assert_allclose(_normal_reach(Observed(off, LINE)), 3.0 * self.STEP + rounding + 5e-4)
         # On a ramp a log's step is the ramp's.
-        logged = _normal_reach(self.slide(meta={"source": "log"}), LINE)
+        logged = _normal_reach(Observed(self.slide(meta={"source": "log"}), LINE))
         np.testing.assert_allclose(logged, 4.0 * self.STEP + rounding)
         ihip = np.array(self.slide().ihip)
         ihip[10:, 0] += self.STEP  # one step is twice as long: three ticks to either side see it
-        reach = _normal_reach(changed(self.slide(), ihip=ihip), LINE) - rounding
+        reach = _normal_reach(Observed(changed(self.slide(), ihip=ihip), LINE)) - rounding
         np.testing.assert_allclose(reach, [3.0 * self.STEP * (2.0 if 7 <= row <= 13 else 1.0) for row in range(20)])
 
     def test_a_rigid_tool_s_steps_are_as_long_as_velocity_and_force_explain(self):
@@ -173,7 +174,7 @@ class TestNormalForce:
         for speed, longest in ((0.11, 1.1e-4), (0.5, self.STEP + 1e-6 * 2.0 / 0.1)):
             velocity = np.tile([speed, 0.0], (self.COUNT, 1))
             tool = recorded(hip, hip, force, velocity=velocity, meta={"source": "experiment"})
-            reach = _normal_reach(tool, LINE) - 4.0 * SINGLE * LINE.model.size
+            reach = _normal_reach(Observed(tool, LINE)) - 4.0 * SINGLE * LINE.model.size
             np.testing.assert_allclose(reach, 3.0 * longest, rtol=1e-6)
 
     def test_the_least_depth_within_a_lag_counts_and_a_row_without_one_does_not(self):
@@ -192,14 +193,14 @@ class TestNormalForce:
         simulated = {"source": "playback"}
         base = self.slide(meta=simulated)
         rounded = 1e-6 + 4.0 * SINGLE * LINE.model.size / 2e-3
-        np.testing.assert_allclose(_rounding_angle(base, LINE, self.ROWS), rounded, rtol=1e-6)
+        np.testing.assert_allclose(_rounding_angle(Observed(base, LINE), self.ROWS), rounded, rtol=1e-6)
         for declared, counts in ((5e-5, 5e-5), (1e-2, self.STEP)):
             coarse = self.slide(meta={**simulated, "resolution": declared})
             tilt = math.asin(counts / 2e-3)
-            np.testing.assert_allclose(_resolution_angle(coarse, LINE, self.ROWS), tilt, rtol=1e-6)
-            np.testing.assert_allclose(_rounding_angle(coarse, LINE, self.ROWS), rounded + tilt, rtol=1e-6)
+            np.testing.assert_allclose(_resolution_angle(Observed(coarse, LINE), self.ROWS), tilt, rtol=1e-6)
+            np.testing.assert_allclose(_rounding_angle(Observed(coarse, LINE), self.ROWS), rounded + tilt, rtol=1e-6)
         rigid = changed(base, hip=base.ihip, force=np.tile([0.0, 2.0], (20, 1)))
-        np.testing.assert_allclose(_rounding_angle(rigid, LINE, self.ROWS), 1e-6 + 4.0 * SINGLE)
+        np.testing.assert_allclose(_rounding_angle(Observed(rigid, LINE), self.ROWS), 1e-6 + 4.0 * SINGLE)
 
     def test_a_log_s_force_is_off_by_half_a_step_in_each_component(self):
         step = 0.02
@@ -209,7 +210,7 @@ class TestNormalForce:
         logged = recorded(hip, hip * [1.0, 0.0], force)
         simulated = changed(logged, meta={"source": "playback"})
         rows = np.arange(3, 2990)
-        added = _rounding_angle(logged, LINE, rows) - _rounding_angle(simulated, LINE, rows)
+        added = _rounding_angle(Observed(logged, LINE), rows) - _rounding_angle(Observed(simulated, LINE), rows)
         size = np.linalg.norm(force[rows], axis=1)
         np.testing.assert_allclose(added, np.arcsin(0.5 * step * math.sqrt(2.0) / size), rtol=1e-6)
 
@@ -234,8 +235,8 @@ class TestNormalForce:
         springs = changed(late, force=1000.0 * (late.ihip - late.hip))
         angle = LINE.model.boundary.normal_cone(springs.ihip[self.ROWS], np.zeros(self.ROWS.size))
         leans = math.atan(2.0 * self.STEP / 2e-3)
-        np.testing.assert_allclose(_force_deviation(springs, LINE, self.ROWS, angle, None), leans, rtol=1e-6)
-        np.testing.assert_allclose(_force_deviation(springs, LINE, self.ROWS, angle, 2.0), 0.0, atol=2e-3)
+        np.testing.assert_allclose(_force_deviation(Observed(springs, LINE), self.ROWS, angle, None), leans, rtol=1e-6)
+        np.testing.assert_allclose(_force_deviation(Observed(springs, LINE), self.ROWS, angle, 2.0), 0.0, atol=2e-3)
         downwards = np.tile([0.1, -1.0], (self.ROWS.size, 1))
         assert _angles(downwards, LINE, angle)[0] == pytest.approx(math.pi - math.atan(0.1))
         held = Scene(model=line(), stiffness=1000.0, bilateral=True)
@@ -252,27 +253,27 @@ class TestNormalForce:
         return recorded(hip, ihip, force, meta=LOOP, velocity=velocity, operator_force=rest + np.array([0.1, -push]))
 
     def test_at_rest_the_force_is_compared_with_the_push_within_the_momentum_s_share(self):
-        difference, allowed, push = _static_balance(self.pressed(gain=1.2), LINE)
+        difference, allowed, push = _static_balance(Observed(self.pressed(gain=1.2), LINE))
         assert (difference, push) == (pytest.approx(0.4), pytest.approx(2.0))
         assert allowed == pytest.approx(SINGLE * 2.0)
         speed = 5e-3
-        _, allowed, _ = _static_balance(self.pressed(speed=speed), LINE)
+        _, allowed, _ = _static_balance(Observed(self.pressed(speed=speed), LINE))
         assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
         fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
-        assert "momentum may make a tenth" in _static_balance(self.pressed(speed=fast), LINE)
-        assert isinstance(_static_balance(self.pressed(speed=0.97 * fast), LINE), tuple)
-        assert "not at rest" in _static_balance(self.pressed(drift=1e-4), LINE)
-        assert "does not push" in _static_balance(self.pressed(push=-2.0), LINE)
+        assert "momentum may make a tenth" in _static_balance(Observed(self.pressed(speed=fast), LINE))
+        assert isinstance(_static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), tuple)
+        assert "not at rest" in _static_balance(Observed(self.pressed(drift=1e-4), LINE))
+        assert "does not push" in _static_balance(Observed(self.pressed(push=-2.0), LINE))
         held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
-        assert _static_balance(self.pressed(), held) == ""
-        assert _static_balance(self.pressed(count=1), LINE) == ""
+        assert _static_balance(Observed(self.pressed(), held)) == ""
+        assert _static_balance(Observed(self.pressed(count=1), LINE)) == ""
 
     @pytest.mark.parametrize(("drift", "rests"), [(1.03e-5, True), (1.05e-5, False)])
     def test_a_tool_that_stands_off_is_at_rest_within_three_steps_and_the_standoff(self, drift, rests):
         """Over 100 rows it drifts by 99 steps, of which 96 have to be within the millimetre that it stands off by."""
         base = self.pressed(drift=drift)
         off = changed(base, ihip=base.ihip + np.array([0.0, 1e-3]), meta={"standoff": 1e-3})
-        assert isinstance(_static_balance(off, LINE), tuple) is rests
+        assert isinstance(_static_balance(Observed(off, LINE)), tuple) is rests
 
     def test_force_and_push_are_taken_along_the_normal_where_the_tool_ends(self):
         round_scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
@@ -280,7 +281,7 @@ class TestNormalForce:
         out = np.column_stack([np.cos(angle), np.sin(angle)])
         push = np.tile([-2.0, 0.0], (50, 1))
         base = recorded(0.098 * out, 0.1 * out, -1.1 * push, meta=LOOP, velocity=0.0 * out, operator_force=push)
-        difference, _, pushed = _static_balance(base, round_scene)
+        difference, _, pushed = _static_balance(Observed(base, round_scene))
         assert pushed == pytest.approx(2.0 * math.cos(0.01), rel=1e-9)
         assert difference == pytest.approx(0.2 * math.cos(0.01), rel=1e-9)
 
@@ -292,7 +293,7 @@ class TestNormalForce:
         hip[-1, 0] += 0.01
         velocity = np.zeros((500, 2))
         velocity[-50] = [3e-3, 4e-3]
-        _, allowed, _ = _static_balance(changed(base, hip=hip, velocity=velocity), scene)
+        _, allowed, _ = _static_balance(Observed(changed(base, hip=hip, velocity=velocity), scene))
         momentum = heaviest_mass(robot, hip[-1]) * 5e-3
         assert allowed == pytest.approx(2.0 * momentum / (99 * 1e-3) + SINGLE * 200.0)
 
@@ -301,12 +302,12 @@ class TestNormalForce:
         torque = np.zeros((500, 2))
         torque[450, 1] = -2.0
         base = changed(self.pressed(), joint_torque=torque)
-        assert _motors_hold_back(base, limited, slice(400, 499))
-        assert not _motors_hold_back(base, limited, slice(451, 499))
-        assert not _motors_hold_back(changed(base, joint_torque=0.99 * torque), limited, slice(400, 499))
-        assert not _motors_hold_back(base, LINE, slice(400, 499))
-        assert not _motors_hold_back(self.pressed(), limited, slice(400, 499)), "no torque was recorded"
-        assert _motors_hold_back(base, LINE.with_effects(JointFriction(torque=0.01)), slice(0, 1))
+        assert _motors_hold_back(Observed(base, limited), slice(400, 499))
+        assert not _motors_hold_back(Observed(base, limited), slice(451, 499))
+        assert not _motors_hold_back(Observed(changed(base, joint_torque=0.99 * torque), limited), slice(400, 499))
+        assert not _motors_hold_back(Observed(base, LINE), slice(400, 499))
+        assert not _motors_hold_back(Observed(self.pressed(), limited), slice(400, 499)), "no torque was recorded"
+        assert _motors_hold_back(Observed(base, LINE.with_effects(JointFriction(torque=0.01))), slice(0, 1))
 
     def test_at_rest_the_depth_is_that_of_the_last_row(self):
         base = self.pressed()
@@ -345,7 +346,7 @@ class TestReliefChannel:
         values[channel][23, 0] += off
         base = recorded(hip, values["ihip"], values["force"])
         return _compare_channel(
-            self.felt, base, self.ROWS, np.full(57, doubt), channel, LINE, 2e-4, turns_answers=turns
+            self.felt, Observed(base, LINE), self.ROWS, np.full(57, doubt), channel, 2e-4, turns_answers=turns
         )
 
     @pytest.mark.parametrize("lag", [0.0, 1.0, 3.0])
@@ -383,7 +384,7 @@ class TestReliefChannel:
         hip = np.column_stack([1e-4 * np.arange(60.0), np.full(60, -1e-3)])
         base = recorded(hip, 0.0 * hip, force)
         deviation = _compare_channel(
-            self.felt, base, self.ROWS, np.full(57, 1e-6), "force", LINE, 2e-4, turns_answers=False
+            self.felt, Observed(base, LINE), self.ROWS, np.full(57, 1e-6), "force", 2e-4, turns_answers=False
         )
         assert deviation.share == pytest.approx(share, abs=1e-9)
         assert deviation.off == pytest.approx(abs(1.0 - share) * 0.5, rel=1e-2)

@@ -38,8 +38,8 @@ from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.steps import with_steps_of_pieces
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.regions import nearest_jump
-from hapticeval.phenomena.sampling import lacks_ihip
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
@@ -63,7 +63,7 @@ class TestStretches:
 
 class TestScale:
     def measured(self, base, row, before=()):
-        return _measure_scale(base, LINE, np.arange(float(len(base))), row, before)
+        return _measure_scale(Observed(base, LINE), np.arange(float(len(base))), row, before)
 
     @pytest.mark.parametrize("row", [1, 10])
     def test_it_has_jump_spread_and_step_around_a_row(self, row):
@@ -99,7 +99,9 @@ class TestTheSameWay:
         fine = recorded(hip, np.column_stack([along + aside, np.zeros(along.size)]), 0.0 * hip, **more)
         above = np.zeros(20, dtype=bool)
         above[self.FIRST : self.LAST + 1] = True
-        return _leads_the_same_way(coarse, fine, LINE, above, (self.FIRST, self.LAST, self.BEGIN), 1e-9)
+        return _leads_the_same_way(
+            Observed(coarse, LINE), Observed(fine, LINE), above, (self.FIRST, self.LAST, self.BEGIN), 1e-9
+        )
 
     def test_finer_steps_along_it_stand_for_it_and_those_beside_do_not(self):
         assert self.leads()
@@ -140,11 +142,11 @@ class TestContinuity:
         ihip = np.array(base.ihip)
         ihip[5:, 0] += 2.0 * STEP
         ihip[9:, 0] += STEP
-        assert amplification(changed(base, ihip=ihip), LINE) == pytest.approx(3.0)
-        assert amplification(recorded(np.abs(base.hip)), LINE) == 0.0, "in free space"
+        assert amplification(Observed(changed(base, ihip=ihip), LINE)) == pytest.approx(3.0)
+        assert amplification(Observed(recorded(np.abs(base.hip)), LINE)) == 0.0, "in free space"
         hip = np.array(base.hip)
         hip[5:, 0] -= STEP * (1.0 - 1e-9)  # a step next to nothing
-        assert amplification(changed(base, hip=hip, ihip=ihip), LINE) == pytest.approx(2.0)
+        assert amplification(Observed(changed(base, hip=hip, ihip=ihip), LINE)) == pytest.approx(2.0)
 
     def test_a_step_that_leaves_the_contact_is_none_of_those_that_grow(self):
         """A jump at row 12, and one that is larger where the contact is lost at row 18."""
@@ -153,7 +155,11 @@ class TestContinuity:
         contact = (np.arange(30) != 18).astype(float)
         base = recorded(hip, np.column_stack([along, np.zeros(30)]), 0.0 * hip, contact=contact)
         whole = changed(base, contact=np.ones(30), rows=slice(0, 18))
-        assert coarsened_slope(base, LINE, 12) == coarsened_slope(whole, LINE, 12) == pytest.approx(0.0, abs=0.1)
+        assert (
+            coarsened_slope(Observed(base, LINE), 12)
+            == coarsened_slope(Observed(whole, LINE), 12)
+            == pytest.approx(0.0, abs=0.1)
+        )
 
     @pytest.mark.parametrize(("first", "last", "told"), [(3, 20, False), (4, 20, True), (4, 16, False), (4, 17, True)])
     def test_an_ihip_off_the_surface_is_told_where_the_contact_is_had_for_a_lag_to_either_side(self, first, last, told):
@@ -164,7 +170,7 @@ class TestContinuity:
         ihip = np.where(contact[:, np.newaxis], hip * [1.0, 0.0], hip)
         ihip[13, 1] = 2.0 * STEP
         base = recorded(hip, ihip, 0.0 * hip, contact=contact.astype(float), meta={"source": "playback"})
-        finding = _find_off_surface(base, LINE)
+        finding = _find_off_surface(Observed(base, LINE))
         assert (finding is not None) is told
         if finding is not None:
             assert finding.evidence["tick"] == 13
@@ -200,23 +206,35 @@ class TestContinuity:
 
     def test_a_jump_that_the_finer_steps_do_not_add_up_to_is_of_one_rate_alone(self):
         base = self.jumping()
-        assert _fault_of_sibling(base, self.jumping(factor=4), 4, 6, LINE) is None
-        finding = _fault_of_sibling(base, self.jumping(factor=4, jump=0.0), 4, 6, LINE)
+        assert _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4), LINE), 4, 6) is None
+        finding = _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=0.0), LINE), 4, 6)
         assert "at 4 times the rate it does not" in finding.message
         assert finding.metric.value == pytest.approx(5e-3 + STEP)
         # 5.1 mm less what three steps explain; four of the finer steps have to be as long together
         just, nearly = ((share * (5.1e-3 - 3.0 * STEP) - STEP) / 4.0 for share in (1.01, 0.99))
-        assert _fault_of_sibling(base, self.jumping(factor=4, jump=just), 4, 6, LINE) is None
-        assert _fault_of_sibling(base, self.jumping(factor=4, jump=nearly), 4, 6, LINE) is not None
-        assert _fault_of_sibling(base, self.jumping(factor=4, jump=0.0, aside=4.0 * STEP), 4, 6, LINE) is None
+        assert _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=just), LINE), 4, 6) is None
+        assert (
+            _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=nearly), LINE), 4, 6)
+            is not None
+        )
+        assert (
+            _fault_of_sibling(
+                Observed(base, LINE), Observed(self.jumping(factor=4, jump=0.0, aside=4.0 * STEP), LINE), 4, 6
+            )
+            is None
+        )
         short = changed(self.jumping(factor=4, jump=0.0), rows=slice(0, 24))
-        assert _fault_of_sibling(base, short, 4, 6, LINE) is None, "it ends before the step does"
+        assert _fault_of_sibling(Observed(base, LINE), Observed(short, LINE), 4, 6) is None, (
+            "it ends before the step does"
+        )
 
     def test_a_finer_run_that_lets_go_at_the_jump_is_told(self):
         base, fine = self.jumping(), self.jumping(factor=4)
         gone = np.arange(len(fine)) >= 22
         ihip = np.where(gone[:, np.newaxis], fine.hip, fine.ihip)
-        finding = _fault_of_sibling(base, changed(fine, ihip=ihip, force=1000.0 * (ihip - fine.hip)), 4, 6, LINE)
+        finding = _fault_of_sibling(
+            Observed(base, LINE), Observed(changed(fine, ihip=ihip, force=1000.0 * (ihip - fine.hip)), LINE), 4, 6
+        )
         assert "it lets go there" in finding.message
 
     @pytest.mark.parametrize(("late", "raised"), [(0, True), (3, True), (4, False)])
@@ -230,7 +248,7 @@ class TestContinuity:
             there = np.array_equal(hip, base.hip[6 - late])
             return base.ihip[6] if there else before + np.array([0.0, 1.0])
 
-        answer = with_steps_of_pieces(base, LINE, bounds, SimpleNamespace(descend=descend))
+        answer = with_steps_of_pieces(Observed(base, LINE), bounds, SimpleNamespace(descend=descend))
         assert answer[6] == pytest.approx(5e-3 + STEP if raised else 3.0 * STEP)
         assert np.all(np.delete(answer, 6) == 3.0 * STEP)
 
@@ -243,14 +261,14 @@ def test_a_look_is_settled_by_a_jump_and_below_single_precision_by_anything(step
     base = slide(count=20)
 
     def look():
-        return _Look(SimpleNamespace(recording=base), LINE, np.ones(20), scales, resolved_step=resolved)
+        return _Look(None, Observed(base, LINE), np.ones(20), int, scales, resolved_step=resolved)
 
     assert look().is_settled_by(jump)
     for place in (None, steep):
         one = look()
         assert one.below_single is below
         assert one.is_settled_by(place) is below
-    first = _Look(SimpleNamespace(recording=base), LINE, np.ones(20), resolved_step=resolved)
+    first = _Look(None, Observed(base, LINE), np.ones(20), int, resolved_step=resolved)
     assert not first.below_single
 
 
@@ -265,8 +283,8 @@ def test_the_first_place_that_is_steep_counts_where_no_other_decides(monkeypatch
     base = slide(count=40)
     bounds = np.full(40, 2.0 * STEP)
     bounds[[5, 15, 25]] = 0.5 * STEP
-    search = _JumpSearch(base, LINE, 0.0)
-    look = _Look(SimpleNamespace(recording=base), LINE, bounds, resolved_step=search.resolved_step)
+    search = _JumpSearch(Observed(base, LINE), 0.0)
+    look = _Look(None, Observed(base, LINE), bounds, int, resolved_step=search.resolved_step)
     assert search.first_place_in(look) is places[index]
 
 
@@ -296,7 +314,7 @@ class TestCorners:
     @pytest.mark.parametrize(("tick", "jump"), [(0, 0.0), (1, 1e-3), (2, 2e-3), (3, 7e-3)])
     def test_the_nearest_point_moves_since_the_tick_before(self, tick, jump):
         hip = np.column_stack([[0.0, 1e-3, 3e-3, 1e-2], [-1e-3] * 4])
-        assert nearest_jump(recorded(hip), LINE, tick) == pytest.approx(jump)
+        assert nearest_jump(Observed(recorded(hip), LINE), tick) == pytest.approx(jump)
 
 
 class TestRelations:
@@ -305,10 +323,10 @@ class TestRelations:
         base = slide()
         other = changed(base, force=base.force + np.array([0.6, 0.8]))
         # 1 N over 0.5 N/m; of a tool that moves by itself over m / dt^2 = 2 N/m
-        assert answers_apart(Runs(base), other, soft) == pytest.approx(2.0)
-        own = Runs(changed(base, meta={OWN_TOOL: True}))
-        assert answers_apart(own, other, soft) == pytest.approx(0.5)
-        assert not answers_apart(own, other, soft, forces=False).any()
+        assert answers_apart(Observed(base, soft), Observed(other, soft)) == pytest.approx(2.0)
+        own = Observed(changed(base, meta={OWN_TOOL: True}), soft)
+        assert answers_apart(own, Observed(other, soft)) == pytest.approx(0.5)
+        assert not answers_apart(own, Observed(other, soft), forces=False).any()
 
     @pytest.mark.parametrize(
         ("change", "allowed", "exempt", "tick"),
@@ -322,7 +340,12 @@ class TestRelations:
     def test_the_row_that_is_off_by_most_is_told_and_without_one_that_changes_most(self, change, allowed, exempt, tick):
         base = changed(slide(), rows=slice(0, 2))
         finding = relation_finding(
-            base, base, LINE, np.array(change), np.array(allowed), np.array(exempt), "with other vertices"
+            Observed(base, LINE),
+            Observed(base, LINE),
+            np.array(change),
+            np.array(allowed),
+            np.array(exempt),
+            "with other vertices",
         )
         excess = [
             0.0 if skip else max(much - granted, 0.0)
@@ -355,7 +378,7 @@ class TestUnderTheHand:
         foot = hip * [1.0, 0.0]
         for row, jump in feet:
             foot[row:, 0] += jump
-        rows, doubt = _followed_rows(base, LINE, foot, hip[:, 1])
+        rows, doubt = _followed_rows(Observed(base, LINE), foot, hip[:, 1])
         return np.flatnonzero(rows).tolist(), doubt
 
     def test_a_contact_follows_from_where_the_hand_comes_in(self):
@@ -388,16 +411,16 @@ class TestUnderTheHand:
         ihip = np.array(hip)
         ihip[5] = hip[2] + np.array([outside * ways, 0.0])
         base = recorded(hip, ihip, meta={"source": "playback"})
-        assert _may_begin_at_ihip(base, LINE, hip[:, 1], 5) is begins
-        assert not _may_begin_at_ihip(base, LINE, np.full(8, -STEP), 5), "the hand was never outside"
+        assert _may_begin_at_ihip(Observed(base, LINE), hip[:, 1], 5) is begins
+        assert not _may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
 
 
 def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
     """Of a renderer that gives its IHIP elsewhere; the heights are those of no surface."""
     hip = 1e-3 * np.column_stack([np.zeros(12), [-1.0, -1.0, -1.0, *range(1, 10)]])
     ihip, force = np.maximum(hip, 0.0), np.tile([0.0, 1.0], (12, 1))
-    assert not lacks_ihip(recorded(hip, ihip, force), LINE)
-    assert lacks_ihip(recorded(hip, hip, force), LINE)
+    assert not Observed(recorded(hip, ihip, force), LINE).lacks_ihip
+    assert Observed(recorded(hip, hip, force), LINE).lacks_ihip
 
 
 @pytest.mark.parametrize(("rows", "rests"), [(slice(0, 1), [1, 2, 3]), (slice(2, 4), [4, 5, 6]), (slice(0, 0), [])])
@@ -406,7 +429,7 @@ def test_a_late_contact_point_rests_for_three_ticks_where_the_contact_ended(rows
     contact[rows] = 1.0
     hip = np.tile([0.0, 1e-3], (9, 1))
     base = recorded(hip, 0.0 * hip, 0.0 * hip, contact=contact)
-    late = np.flatnonzero(_rests_where_contact_ended(base, LINE, np.full(9, 1e-9)) & (contact == 0.0))
+    late = np.flatnonzero(_rests_where_contact_ended(Observed(base, LINE), np.full(9, 1e-9)) & (contact == 0.0))
     assert late.tolist() == rests
 
 
@@ -418,7 +441,7 @@ def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():
     turn = 0.25 * 2.0 * math.sin(2.5e-3)
     for damping, overshoot in ((0.0, 2.0), (2.0 * math.sqrt(50.0 * 0.1), 1.0)):
         scene = Scene(model=circle(size=0.2), stiffness=50.0, mass=0.1, damping=damping, bilateral=True)
-        motion = SurfaceMotion(base, scene)
+        motion = SurfaceMotion(Observed(base, scene))
         assert motion.held_distance() == pytest.approx(HOLD_TICKS * turn * overshoot / 50.0, rel=1e-3)
         assert motion.held_distance(19) == 0.0
 
@@ -435,18 +458,18 @@ class TestRenewal:
     @pytest.mark.parametrize(("step", "calls"), [(0.9e-4, False), (1.1e-4, True)])
     def test_a_hand_calls_for_another_force_where_the_spring_changes_by_more_than_the_force_resolves(self, step, calls):
         coarse = self.sinking(step, meta={"force_resolution": 0.1})
-        assert calls_for_another_force(coarse, LINE).tolist() == [False] + 39 * [calls]
+        assert calls_for_another_force(Observed(coarse, LINE)).tolist() == [False] + 39 * [calls]
 
     def test_it_calls_for_none_along_a_face_nor_where_the_tool_goes_along(self):
-        assert not calls_for_another_force(changed(slide(), meta={"source": "playback"}), LINE).any()
-        assert not calls_for_another_force(self.sinking(1e-4, follows=True), LINE).any()
+        assert not calls_for_another_force(Observed(changed(slide(), meta={"source": "playback"}), LINE)).any()
+        assert not calls_for_another_force(Observed(self.sinking(1e-4, follows=True), LINE)).any()
 
     def test_a_log_s_forces_are_told_apart_by_a_step_in_each_component(self):
         base = self.sinking(1e-4, count=400)
         logged = changed(base, force=np.round(base.force / 0.5) * 0.5 + 0.0, meta={"source": "file"})
         # Steps of 0.5 N are 0.5 mm of the spring.
-        assert not calls_for_another_force(logged, LINE).any()
-        assert calls_for_another_force(base, LINE).sum() == 399
+        assert not calls_for_another_force(Observed(logged, LINE)).any()
+        assert calls_for_another_force(Observed(base, LINE)).sum() == 399
 
     @pytest.mark.parametrize(("every", "outcome"), [(1, PASS), (2, FAIL), (3, FAIL)])
     def test_a_force_stands_for_the_ticks_until_it_is_renewed(self, every, outcome):

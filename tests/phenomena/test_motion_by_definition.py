@@ -31,6 +31,7 @@ from hapticeval.phenomena.checks.tangential_dynamics import (
 )
 from hapticeval.phenomena.decisions import BLOCK_TICKS, EXPLAINING_PUSH, GROWS, HOLD_TICKS, STANDS, START_DECAY
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
+from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -52,33 +53,33 @@ def on_circle(count, *, share=0.0, off=0.0, push=(0.0, 0.0), **more):
 class TestForceAtZeroError:
     @pytest.mark.parametrize("share", [1.0, 0.3, -0.3])
     def test_it_lacks_a_share_of_the_centripetal_one(self, share):
-        assert _missing_at_zero_error(on_circle(8, share=share), ROUND) == pytest.approx(share)
+        assert _missing_at_zero_error(Observed(on_circle(8, share=share), ROUND)) == pytest.approx(share)
 
     @pytest.mark.parametrize(("tick", "missing"), [(0, 0.0), (3, 0.0), (4, 0.3)])
     def test_the_best_of_the_first_four_ticks_counts(self, tick, missing):
         """A force is that of its sample or a mean until the next one: of five samples four are told."""
         share = np.full(8, 0.3)
         share[tick] = 0.0
-        assert _missing_at_zero_error(on_circle(8, share=share), ROUND) == pytest.approx(missing, abs=1e-12)
+        assert _missing_at_zero_error(Observed(on_circle(8, share=share), ROUND)) == pytest.approx(missing, abs=1e-12)
 
     def test_four_samples_are_too_few_and_five_are_enough(self):
-        assert _missing_at_zero_error(on_circle(4, share=0.3), ROUND) is None
-        assert _missing_at_zero_error(on_circle(5, share=0.3), ROUND) == pytest.approx(0.3)
+        assert _missing_at_zero_error(Observed(on_circle(4, share=0.3), ROUND)) is None
+        assert _missing_at_zero_error(Observed(on_circle(5, share=0.3), ROUND)) == pytest.approx(0.3)
 
     @pytest.mark.parametrize("push", [(0.0, 4.0), (-3.0, 0.0), (3.0, 4.0)])
     def test_a_push_counts_and_leaves_open_what_the_normal_turns_of_it_while_a_force_is_held(self, push):
         open_ = HOLD_TICKS * 1e-3 * TURNING * math.hypot(*push) / CENTRIPETAL
-        assert _missing_at_zero_error(on_circle(8, share=0.5, push=push), ROUND) == pytest.approx(0.5 - open_)
-        assert _missing_at_zero_error(on_circle(8, share=0.5 * open_, push=push), ROUND) == 0.0
+        assert _missing_at_zero_error(Observed(on_circle(8, share=0.5, push=push), ROUND)) == pytest.approx(0.5 - open_)
+        assert _missing_at_zero_error(Observed(on_circle(8, share=0.5 * open_, push=push), ROUND)) == 0.0
 
     def test_it_is_told_of_a_moving_tool_that_starts_on_a_constraint(self):
-        assert _missing_at_zero_error(on_circle(8, share=0.3, off=1e-6), ROUND) is None
+        assert _missing_at_zero_error(Observed(on_circle(8, share=0.3, off=1e-6), ROUND)) is None
         one_sided = Scene(model=circle(), stiffness=50.0, mass=0.1)
-        assert _missing_at_zero_error(on_circle(8, share=0.3), one_sided) is None
+        assert _missing_at_zero_error(Observed(on_circle(8, share=0.3), one_sided)) is None
         halting = on_circle(8, share=0.3)
         velocity = np.array(halting.velocity)
         velocity[2] = 0.0
-        assert _missing_at_zero_error(changed(halting, velocity=velocity), ROUND) is None
+        assert _missing_at_zero_error(Observed(changed(halting, velocity=velocity), ROUND)) is None
 
 
 class TestForceOffTheSpring:
@@ -93,29 +94,29 @@ class TestForceOffTheSpring:
 
     @pytest.mark.parametrize(("gain", "off"), [(0.49, True), (0.51, False), (1.99, False), (2.01, True)])
     def test_a_stiffness_is_off_by_a_factor_of_two(self, gain, off):
-        ratio = _force_off_spring(self.sinking(gain, deep=slice(3, None)), LINE)
+        ratio = _force_off_spring(Observed(self.sinking(gain, deep=slice(3, None)), LINE))
         assert ratio == (pytest.approx(gain) if off else None)
 
     @pytest.mark.parametrize(("gain", "off"), [(0.24, True), (0.26, False), (5.9, False), (6.1, True)])
     def test_from_what_is_declared(self, gain, off):
         meta = {"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 3.0}
-        assert (_force_off_spring(self.sinking(gain, meta=meta), LINE) is not None) is off
+        assert (_force_off_spring(Observed(self.sinking(gain, meta=meta), LINE)) is not None) is off
 
     @pytest.mark.parametrize(("gain", "ratio"), [(3.0, 2.9), (0.2, 0.3)])
     def test_what_a_damper_may_add_is_taken_off(self, gain, ratio):
         damped = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=2.0)
         # 2 N s/m at 0.1 m/s are a tenth of the spring's 2 N.
-        assert _force_off_spring(self.sinking(gain, speed=0.1), damped) == pytest.approx(ratio)
+        assert _force_off_spring(Observed(self.sinking(gain, speed=0.1), damped)) == pytest.approx(ratio)
 
     def test_without_a_spring_or_a_contact_none_is_off(self):
-        assert _force_off_spring(self.sinking(3.0, meta={"source": "file"}), LINE) is None
-        assert _force_off_spring(self.sinking(3.0, deep=slice(0)), LINE) is None
+        assert _force_off_spring(Observed(self.sinking(3.0, meta={"source": "file"}), LINE)) is None
+        assert _force_off_spring(Observed(self.sinking(3.0, deep=slice(0)), LINE)) is None
 
     def test_a_tool_on_the_surface_has_no_depth_to_tell_it_by(self):
         base = self.sinking(3.0, deep=slice(3, None))
         hip, force = np.array(base.hip), np.array(base.force)
         hip[:2, 1], force[:2, 1] = 0.0, 1.0
-        assert _force_off_spring(changed(base, hip=hip, ihip=np.maximum(hip, 0.0), force=force), LINE) == (
+        assert _force_off_spring(Observed(changed(base, hip=hip, ihip=np.maximum(hip, 0.0), force=force), LINE)) == (
             pytest.approx(3.0)
         )
 
@@ -129,8 +130,8 @@ def test_a_constraint_does_not_hold_a_tool_that_is_off_it_without_a_force_for_ov
     base = recorded(hip, hip * [1.0, 0.0])
     force = np.array(base.force)
     force[list(rows)] = 0.0
-    assert _unheld_tick(changed(base, force=force), held) == tick
-    assert _unheld_tick(changed(base, force=force), LINE) is None, "nor does one that only pushes have to"
+    assert _unheld_tick(Observed(changed(base, force=force), held)) == tick
+    assert _unheld_tick(Observed(changed(base, force=force), LINE)) is None, "nor does one that only pushes have to"
 
 
 @pytest.mark.parametrize(("depths", "tick"), [(0.9, None), (1.1, 0)])
@@ -138,7 +139,7 @@ def test_nor_one_that_is_farther_off_than_the_depth_of_the_least_force(depths, t
     held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
     # 5e-6 of 0.2 m: a hand at rest has nothing else to be off by.
     hip = np.tile([0.0, depths * 1e-6], (20, 1))
-    assert _unheld_tick(recorded(hip, hip, 0.0 * hip), held) == tick
+    assert _unheld_tick(Observed(recorded(hip, hip, 0.0 * hip), held)) == tick
 
 
 def test_a_strike_lasts_for_as_long_as_an_answer_may_lag():
@@ -153,9 +154,9 @@ def test_a_contact_is_under_way_once_its_dynamics_have_died_out_where_the_run_is
     scene = Scene(model=line(), stiffness=0.1 * rate**2, mass=0.1, damping=0.2 * rate)
     base = recorded(np.zeros((count, 2)))
     bearing = np.arange(count) >= 4
-    assert np.flatnonzero(_under_way(base, scene, bearing)).tolist() == list(range(first, count))
+    assert np.flatnonzero(_under_way(Observed(base, scene), bearing)).tolist() == list(range(first, count))
     undamped = Scene(model=line(), stiffness=0.1 * rate**2, mass=0.1)
-    assert np.flatnonzero(_under_way(base, undamped, bearing)).tolist() == list(range(4, count))
+    assert np.flatnonzero(_under_way(Observed(base, undamped), bearing)).tolist() == list(range(4, count))
 
 
 def test_a_normal_turns_by_the_shape_operator():
@@ -168,7 +169,7 @@ def test_a_normal_turns_by_the_shape_operator():
 class TestRegression:
     def test_its_columns_are_distance_push_and_cost_as_lengths_of_the_spring(self):
         base = on_circle(12, off=3e-4, push=(0.2, 0.0))
-        ticks, error, push, cost, rings, fastest = _regression_terms(base, ROUND)
+        ticks, error, push, cost, rings, fastest = _regression_terms(Observed(base, ROUND))
         assert ticks.tolist() == list(range(12))
         np.testing.assert_allclose(error, 3e-4)
         np.testing.assert_allclose(push, 0.2 / 50.0)
@@ -182,7 +183,7 @@ class TestRegression:
         base = on_circle(12, share=2.0, off=-1e-3)
         force = np.array(base.force)
         force[:3] = 0.0
-        ticks = _regression_terms(changed(base, force=force), one_sided)[0]
+        ticks = _regression_terms(Observed(changed(base, force=force), one_sided))[0]
         assert ticks.tolist() == list(range(7, 12))
 
     @pytest.mark.parametrize("blocks", [1, 2, 3, 20])
@@ -250,7 +251,9 @@ class TestSliding:
         way = np.cumsum(speed) * 1e-3
         hip, still = np.column_stack([way, 0.0 * way]), np.zeros(count)
         pushes = np.column_stack([np.full(count, push), np.full(count, -3.0)])
-        return SurfaceMotion(recorded(hip, hip, velocity=np.column_stack([speed, still]), operator_force=pushes), scene)
+        return SurfaceMotion(
+            Observed(recorded(hip, hip, velocity=np.column_stack([speed, still]), operator_force=pushes), scene)
+        )
 
     @pytest.mark.parametrize("viscosity", [0.0, 0.2])
     @pytest.mark.parametrize("push", [0.0, 0.05])
@@ -261,16 +264,16 @@ class TestSliding:
     def test_what_hand_and_viscosity_explain_is_assigned_and_the_rest_is_not(self):
         viscous = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True, effects=(Viscosity(0.2),))
         motion = self.sliding(0.2, push=0.05, scene=viscous)
-        np.testing.assert_allclose(_unexplained_velocity(motion.recording, viscous), 0.0, atol=1e-6)
+        np.testing.assert_allclose(_unexplained_velocity(Observed(motion.base.recording, viscous)), 0.0, atol=1e-6)
         np.testing.assert_allclose(_pushed_along(motion), np.tile([0.5, 0.0], (400, 1)))
         # Without the viscosity what it took since the start is missing, and the push alone is explained.
-        unexplained = np.linalg.norm(_unexplained_velocity(motion.recording, self.SCENE), axis=1)
-        lost = 0.5 + 0.5 * motion.recording.time - motion.recording.velocity[:, 0]
+        unexplained = np.linalg.norm(_unexplained_velocity(Observed(motion.base.recording, self.SCENE)), axis=1)
+        lost = 0.5 + 0.5 * motion.base.time - motion.base.velocity[:, 0]
         np.testing.assert_allclose(unexplained, lost, atol=1e-9)
 
     def test_what_is_unexplained_is_told_as_another_viscosity_or_as_a_drive(self):
         motion = self.sliding(0.2)
-        unexplained = _unexplained_velocity(motion.recording, self.SCENE)
+        unexplained = _unexplained_velocity(Observed(motion.base.recording, self.SCENE))
         words = _describe_unexplained(motion, unexplained, _apparent_viscosity(motion), 399)
         assert words == ", as if the surface had a viscosity of 0.2 kg/s instead of 0"
         moved = motion.components(motion.foot_velocity)

@@ -10,6 +10,7 @@ from medial_axis import allowed_jumps, worst_crossing
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import HALF_LAG_STEPS
 from hapticeval.phenomena.measures.steps import step_bounds
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -62,5 +63,5 @@ def test_what_is_allowed_is_what_the_check_allows():
     random = np.random.default_rng(7)
     hips = np.cumsum(1e-3 * random.normal(size=(60, 3)) * random.choice([0.0, 1.0, 5.0], size=(60, 1)), axis=0)
     recording = Recording(np.arange(60) / 1e3, {"hip": hips, "ihip": hips})
-    bounds = step_bounds(recording, scene, HALF_LAG_STEPS, 0.0)
+    bounds = step_bounds(Observed(recording, scene), HALF_LAG_STEPS, 0.0)
     np.testing.assert_allclose(bounds, np.maximum(allowed_jumps(hips), rounding(scene)))

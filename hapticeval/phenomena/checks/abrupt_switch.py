@@ -8,37 +8,32 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE
 from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    evidence_at,
-    hip_step,
-    lacks_ihip,
     listed,
     mm,
-    position_tolerance,
 )
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the HIP travel from where the force leaves n_pre for the first time to where it keeps to n_post."""
-    base = runs.base
-    if lacks_ihip(base, scene):
+    base = runs.observed(scene)
+    if base.lacks_ihip:
         return without_ihip(base)
-    crossings = find_crossings(base, scene, convex=False)
+    crossings = find_crossings(base, convex=False)
     if not crossings:
         return not_applicable("the hand is not led along a face into a concave corner, and out again")
-    pushes = above_force_floor(base, scene)
-    findings = [_judge_corner(base, scene, crossing, pushes) for crossing in crossings]
+    pushes = base.pressed
+    findings = [_judge_corner(base, crossing, pushes) for crossing in crossings]
     return worst_finding([finding for finding in findings if finding is not None]) or undecided(
         "the force does not go from the first face's normal to the second's"
     )
 
 
-def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
+def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Finding | None:
     """Judge one concave corner; None where the force does not go from the first face's normal to the second's."""
     pressed = crossing.first + np.flatnonzero(pushes[crossing.first : crossing.end])
     if pressed.size == 0:
@@ -63,7 +58,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     # Backwards from the last tick on n_post to the first of that run.
     reached = int(pressed[last - int(np.argmin(on_post[last::-1])) + 1])
     # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
-    within = position_tolerance(base, scene)
+    within = base.position_tolerance
     left_tick = _last_tick_within(base, pressed[on_pre & (pressed < reached)], left_tick, within)
     reached = _last_tick_within(base, pressed[on_post & (pressed > left_tick)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left_tick])
@@ -71,12 +66,12 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     travel = float(np.sum(crossing.steps[left_tick:reached][pushes[left_tick:reached]]))
     # The usual depth before the switch: travel is told in units of it, and no less than a step.
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), hip_step(base, scene))
+    depth = max(float(np.median(depths[pressed[pressed <= left_tick]])), base.hip_step)
     return compared(
         CHECK.measured(travel / depth),
-        position_tolerance(base, scene) / depth,
+        base.position_tolerance / depth,
         {
-            **evidence_at(base, reached),
+            **base.evidence_at(reached),
             "corner": listed(crossing.place),
             "switch_starts_s": float(base.time[left_tick]),
             "switch_takes_s": takes,
@@ -90,7 +85,7 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     )
 
 
-def _last_tick_within(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
+def _last_tick_within(base: Observed, ticks: IntArray, tick: int, within: float) -> int:
     """Return the last of `ticks` (k,) at which the HIP is `within` metres of where it is at `tick`; else `tick`."""
     nearby = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
     return int(nearby[-1]) if nearby.size else tick

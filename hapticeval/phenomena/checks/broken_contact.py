@@ -8,33 +8,25 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS, SAME_DEPTH_SHARE, SAME_NORMAL
 from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    believed_standoff,
-    evidence_at,
-    force_depth,
-    hip_steps,
-    lacks_ihip,
     listed,
     mm,
-    position_tolerance,
-    rounding,
 )
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import plural
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far from the corner, before or after it, the force stops being what a rigid corner gives."""
-    base = runs.base
-    crossings = find_crossings(base, scene, convex=True)
+    base = runs.observed(scene)
+    crossings = find_crossings(base, convex=True)
     if not crossings:
         return not_applicable("the hand is not led along a face past a convex corner into free space")
-    pushes = above_force_floor(base, scene)
-    findings = [_judge_corner(base, scene, crossing, pushes) for crossing in crossings]
+    pushes = base.pressed
+    findings = [_judge_corner(base, crossing, pushes) for crossing in crossings]
     judged = worst_finding([finding for finding in findings if finding is not None])
     if judged is None and all(pushes[crossing.first : crossing.crossed].any() for crossing in crossings):
         message = "the tool is on another face while the hand goes under one past its convex corner"
@@ -42,7 +34,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return judged or undecided("no force is felt under a face before its convex corner")
 
 
-def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: BoolArray) -> Finding | None:
+def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Finding | None:
     """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
@@ -59,22 +51,22 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     # The force that is usual on the first face, N.
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.
-    rests = ~pushes & (under <= force_depth(scene))
+    rests = ~pushes & (under <= base.force_depth)
     # What a rigid corner gives up to its place: n_pre, with the tool on that face.
     holding = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
-    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= SAME_DEPTH_SHARE * depth:
+    if depth > base.rounding and np.ptp(under[first:crossed]) <= SAME_DEPTH_SHARE * depth:
         holding = holding & (strength[first:crossed] >= HELD_FORCE_SHARE * usual)
     early_ticks = first + np.flatnonzero(~holding)
     # `along` is negative before the corner: the distance from it at which n_pre is lost.
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
-    end = _next_contact_of_standoff(base, scene, crossed, end)
+    end = _next_contact_of_standoff(base, crossed, end)
     # A simulated tool's force is the mean until the next sample: where it comes to the solid anew within the last one
     # before that, the force that begins there is the next contact's.
     if end < len(base) and pushes[end - 1 : end + 1].all() and not pushes[end - 2]:
         end -= 1
-    struck_anew = _struck_anew(base, scene, np.arange(crossed, end), pushes & ~first_face)
+    struck_anew = _struck_anew(base, np.arange(crossed, end), pushes & ~first_face)
     after = pushes[crossed:end] & ~struck_anew[crossed:end]
     # A force that is only late is gone after a few ticks; up to there it remains wrongly, too.
     ticks_to_zero = int(np.argmax(~after)) if not after.all() else after.size
@@ -97,9 +89,9 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
             fails = f"the force falls below half of the usual {before}"
     return compared(
         CHECK.measured(max(early, late)),
-        position_tolerance(base, scene),
+        base.position_tolerance,
         {
-            **evidence_at(base, tick),
+            **base.evidence_at(tick),
             "corner": listed(crossing.place),
             "lost_before_corner_m": early,
             "remains_after_corner_m": late,
@@ -111,22 +103,22 @@ def _judge_corner(base: Recording, scene: Scene, crossing: Crossing, pushes: Boo
     )
 
 
-def _next_contact_of_standoff(base: Recording, scene: Scene, first: int, end: int) -> int:
+def _next_contact_of_standoff(base: Observed, first: int, end: int) -> int:
     """Return the first of the rows [first, end) in which a tool that stands off touches a face anew; else `end`.
 
     It does while the hand is yet outside, nearer than the standoff, after it has been farther.
     """
-    gap = believed_standoff(base, scene)
+    gap = base.believed_standoff
     if gap == 0.0:
         return end
-    clear = scene.model.boundary.signed_distance(base.hip[first:end]) > gap
+    clear = base.boundary.signed_distance(base.hip[first:end]) > gap
     left = int(np.argmax(clear))
     if not clear.any() or clear[left:].all():
         return end
     return first + left + int(np.argmin(clear[left:]))
 
 
-def _struck_anew(base: Recording, scene: Scene, rows: IntArray, pushes: BoolArray) -> BoolArray:
+def _struck_anew(base: Observed, rows: IntArray, pushes: BoolArray) -> BoolArray:
     """Return where the tool comes to another face between a row and the next, and is off the surface at both: (n,).
 
     The mean force of such a tick is that of an impact which no sample shows. So it is of a rigid tool alone, whose IHIP
@@ -134,13 +126,13 @@ def _struck_anew(base: Recording, scene: Scene, rows: IntArray, pushes: BoolArra
     faces within that step.
     """
     struck = np.zeros(len(base), dtype=bool)
-    if "ihip" not in base.channels or lacks_ihip(base, scene):
+    if "ihip" not in base.channels or base.lacks_ihip:
         return struck
-    steps = np.append(hip_steps(base), 0.0)
+    steps = np.append(base.hip_steps, 0.0)
     rows = rows[pushes[rows] & np.all(base.ihip[rows] == base.hip[rows], axis=1)]
-    rows = rows[scene.model.boundary.signed_distance(base.hip[rows]) <= steps[rows]]
+    rows = rows[base.boundary.signed_distance(base.hip[rows]) <= steps[rows]]
     if rows.size:
-        angles = scene.model.boundary.normal_cone(base.hip[rows], steps[rows])(base.force[rows])
+        angles = base.boundary.normal_cone(base.hip[rows], steps[rows])(base.force[rows])
         struck[rows] = np.cos(angles) > 1.0 - SAME_NORMAL
     return struck
 

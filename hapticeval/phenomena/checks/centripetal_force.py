@@ -26,22 +26,15 @@ from hapticeval.phenomena.decisions import (
     STIFFNESS_FACTOR,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.measures.stiffness import declared_range
 from hapticeval.phenomena.measures.surface_motion import decay_rate
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    evidence_at,
-    force_depth,
-    hand_velocity,
     mm,
-    open_loop_reason,
-    position_tolerance,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -50,18 +43,18 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Regress the surface error on what the missing centripetal force would cost, over all speeds."""
     from scipy.linalg import block_diag
 
-    base = runs.base
-    unsettled = open_loop_reason(base)
+    base = runs.observed(scene)
+    unsettled = base.open_loop_reason
     if unsettled is not None:
         return undecided(unsettled)
-    loose = _unheld_tick(base, scene)
+    loose = _unheld_tick(base)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
-        return undecided(message, evidence=evidence_at(base, loose))
+        return undecided(message, evidence=base.evidence_at(loose))
     slower = SLOWER_SPEEDS if runs.at_speed is not None else ()
     # Slower runs tell v^2 from what else the error may grow with.
-    everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
-    terms = [_regression_terms(recording, scene) for recording in everything]
+    everything = [base, *(Observed(runs.at_speed(factor), scene) for factor in slower if runs.at_speed is not None)]
+    terms = [_regression_terms(recording) for recording in everything]
     cost = np.concatenate([term.cost for term in terms])
     if cost.size < FIT_SAMPLES:
         return undecided("the tool hardly touches the surface")
@@ -73,20 +66,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     share, deviation = _fit_share(error, push, cost, block_diag(*(term.rings for term in terms)))
     # In the time that a force is held the normal turns by this angle, and so the force leans.
     bound = HOLD_TICKS * max(term.turning for term in terms) * base.dt
-    ticks, tick = terms[0].ticks, int(np.argmax(touching(base, scene)))
+    ticks, tick = terms[0].ticks, int(np.argmax(base.contact))
     if ticks.size:
         tick = int(ticks[worst_row(np.abs(terms[0].cost))])
     evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "centripetal_error_m": share * largest,
         "kappa_v2_m_over_K_m": largest,
         "standard_error": deviation,
         "speeds": [1.0, *slower],
     }
-    at_zero = _missing_at_zero_error(base, scene)
+    at_zero = _missing_at_zero_error(base)
     if at_zero is not None:
         evidence["force_missing_at_zero_error"] = at_zero
-    off_spring = _force_off_spring(base, scene)
+    off_spring = _force_off_spring(base)
     if off_spring is not None:
         evidence["force_over_spring"] = off_spring
     lacking = abs(at_zero or 0.0)
@@ -107,36 +100,38 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _unheld_tick(recording: Recording, scene: Scene) -> int | None:
+def _unheld_tick(recording: Observed) -> int | None:
     """Return the tick at which a tool on a bilateral constraint is farthest off it without a force; None where held.
 
     A spring gives K_p times the distance. A damper takes that away where the tool comes home slowly. So a missing force
     counts over more than a tenth of the run only, and beyond the distance that a late answer leaves.
     """
+    scene = recording.scene
     if not scene.bilateral:
         return None
-    distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
-    free = (distance > position_tolerance(recording, scene) + force_depth(scene)) & ~above_force_floor(recording, scene)
+    distance = np.abs(recording.boundary.signed_distance(recording.hip))
+    free = (distance > recording.position_tolerance + recording.force_depth) & ~recording.pressed
     return worst_row(np.where(free, distance, 0.0)) if np.mean(free) > TELLING_SHARE else None
 
 
-def _force_off_spring(recording: Recording, scene: Scene) -> float | None:
+def _force_off_spring(recording: Observed) -> float | None:
     """Return the force along the normal as a multiple of K_p times the depth, the median in contact, where it is off.
 
     That is, by a factor of two or more from the stiffness that a declared spring has; else None. What the scene's
     damping may add along the normal is taken off first: while the speed decays, so does the depth, and a damper along
     the error resists that.
     """
+    scene = recording.scene
     if "spring" not in recording.meta or "force" not in recording.channels:
         return None
-    softest, stiffest = declared_range(recording) or (1.0, 1.0)
-    frame = scene.model.boundary.closest_point(recording.hip)
+    softest, stiffest = recording.stiffness_range or (1.0, 1.0)
+    frame = recording.boundary.closest_point(recording.hip)
     # Both ways from a surface that holds from both sides, and deep enough to tell a depth from its rounding.
-    rows = touching(recording, scene) & (np.abs(frame.distance) > force_depth(scene))
+    rows = recording.contact & (np.abs(frame.distance) > recording.force_depth)
     if not rows.any():
         return None
     normal, spring_force = frame.normal[rows], -scene.stiffness * frame.distance[rows]
-    damper_force = scene.damping * np.abs(np.sum(hand_velocity(recording)[rows] * normal, axis=1))
+    damper_force = scene.damping * np.abs(np.sum(recording.velocity[rows] * normal, axis=1))
     difference = np.sum(recording.force[rows] * normal, axis=1) - spring_force
     stiffness_ratio = float(np.median(1.0 + _reduce_by_doubt(difference, damper_force) / spring_force))
     is_off = not softest / STIFFNESS_FACTOR < stiffness_ratio < STIFFNESS_FACTOR * stiffest
@@ -161,22 +156,23 @@ class _Terms(NamedTuple):
     turning: float
 
 
-def _regression_terms(recording: Recording, scene: Scene) -> _Terms:
+def _regression_terms(recording: Observed) -> _Terms:
     """Return the columns of the regression over the samples in contact, once the tool is under way."""
-    frame = scene.model.boundary.closest_point(recording.hip)
+    scene = recording.scene
+    frame = recording.boundary.closest_point(recording.hip)
     turning, speed2 = _normal_turning(frame, recording.velocity)
     push = np.zeros(len(recording))
     if "operator_force" in recording.channels:
         push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
     # (3.8) and the push, both as the error that they make: what the spring alone would have to give.
-    cost, share = (_assigned_response(force, recording, scene) for force in (speed2 * scene.mass, push))
-    bearing = touching(recording, scene)
+    cost, share = (_assigned_response(force, recording) for force in (speed2 * scene.mass, push))
+    bearing = recording.contact
     judged = bearing
     if not scene.bilateral:
         # Inside and without force, as after a touch, nothing bends the path.
-        bearing = bearing & above_force_floor(recording, scene)
+        bearing = bearing & recording.pressed
         judged = bearing & ~_after_strike(bearing)
-    judged = judged & _under_way(recording, scene, bearing)
+    judged = judged & _under_way(recording, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
     rings = _ringing_columns(recording.time[judged], scene)
     return _Terms(np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest)
@@ -205,11 +201,12 @@ def _ringing_columns(time: Array, scene: Scene) -> Array:
     return rings if turn.size and turn[-1] - turn[0] >= 2.0 * np.pi else rings[:, :0]
 
 
-def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Array:
+def _assigned_response(force: Array, recording: Observed) -> Array:
     """Return the error (n,), m, of m n'' + K_d n' + K_p n = F for an outward force F (n,), N, held between samples.
 
     It starts in equilibrium with the first. Undamped dynamics never come to an answer: then it is the static one.
     """
+    scene = recording.scene
     if decay_rate(scene) == 0.0 or force.size < 2:
         return force / scene.stiffness
     gains, dt = Gains(scene.stiffness / scene.mass, scene.damping / scene.mass, 0.0), recording.dt
@@ -228,13 +225,13 @@ def _assigned_response(force: Array, recording: Recording, scene: Scene) -> Arra
     return np.array(answered)
 
 
-def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolArray:
+def _under_way(recording: Observed, bearing: BoolArray) -> BoolArray:
     """Return which rows (n,) come after the start of the contact, when the assigned dynamics have died out.
 
     Before, the error has other causes. Of a run shorter than `LONG_RUN_STARTS` times that, all of it.
     """
     since = recording.time - recording.time[int(np.argmax(bearing))]
-    rate = decay_rate(scene)
+    rate = decay_rate(recording.scene)
     lasts = math.log(START_DECAY) / rate if rate > 0.0 else 0.0
     return np.asarray(since >= lasts if LONG_RUN_STARTS * lasts <= since[-1] else since >= 0.0)
 
@@ -271,7 +268,7 @@ def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[fl
     return float(solution[0]), float(np.sqrt(max(variance, 0.0)))
 
 
-def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
+def _missing_at_zero_error(recording: Observed) -> float | None:
     """Return the share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
     There the position error is zero, so the force must be the centripetal one alone (3.8).
@@ -281,10 +278,11 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     - The operator pushes in one direction, of which the turning normal has another share in that time: by so much it
       may differ.
     """
+    scene = recording.scene
     if not scene.bilateral or len(recording) < LAG_TICKS + 2:
         return None
     ticks = slice(0, LAG_TICKS + 2)
-    frame = scene.model.boundary.closest_point(recording.hip[ticks])
+    frame = recording.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
     turning, speed2 = _normal_turning(frame, recording.velocity[ticks])
     required, push_doubt = scene.mass * speed2, np.zeros(len(normal))

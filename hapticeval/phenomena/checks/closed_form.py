@@ -10,7 +10,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation, required
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, FORM_TOLERANCE
 from hapticeval.phenomena.measures.refinement import extrapolated
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
-from hapticeval.phenomena.sampling import evidence_at, listed, mm, worst_row
+from hapticeval.phenomena.sampling import listed, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 
@@ -23,9 +23,9 @@ UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early th
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the largest distance between the extrapolated run and the closed form of its law."""
-    base = runs.base
+    base = runs.observed(scene)
     form = CLOSED_FORMS[required(runs.closed_form)]
-    if SurfaceMotion(base, scene).pushed.any():
+    if SurfaceMotion(base).pushed.any():
         return undecided("the operator pushes, and the closed form knows no operator")
     extrapolation = extrapolated(runs, lambda recording: recording.hip)
     if extrapolation is None:
@@ -40,9 +40,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     tick = worst_row(distance_from_form)
     # The correction is that of the worst coordinate: over all N of them a length is sqrt(N) times that.
     bound = correction * np.sqrt(hips.shape[1]) + EXTRAPOLATION_ROUNDING * travel
-    distance = scene.model.boundary.signed_distance
+    distance = base.boundary.signed_distance
     evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "law": form.name,
         "citation": form.citation,
         "sampled_apart_m": float(np.max(np.linalg.norm(base.hip - expected, axis=1))),

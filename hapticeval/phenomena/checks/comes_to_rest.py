@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, EARLY_SHARE, LATE_SHARE, QUIET_SAMPLES, RETURN_RATIO
-from hapticeval.phenomena.sampling import answered_rounding, evidence_at, mm, worst_row
+from hapticeval.phenomena.sampling import mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import format_number
 from hapticeval.scene import Scene
@@ -16,7 +16,7 @@ from hapticeval.scene import Scene
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the largest speed in the last half of the quiet time with that in the quarter before it."""
-    base, size = runs.base, scene.model.size
+    base, size = runs.observed(scene), scene.model.size
     quiet = base.meta.get("quiet_from")
     if quiet is None:
         return undecided("it is not known from when on the operator keeps still")
@@ -37,7 +37,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     worst = int(rows[late][worst_row(speed[late])])
     before, after = float(speed[early].max()), float(speed[late].max())
     evidence: dict[str, object] = {
-        **evidence_at(base, worst),
+        **base.evidence_at(worst),
         "quiet_from_s": float(quiet),
         "speed_before_m_s": before,
         "farthest_m": float(distance[farthest]),
@@ -47,12 +47,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     resting_speed = ANSWER_CHANGE * size
     if "ihip" in base.channels:
         # A spring K that knows its depth to r lets a mass m swing by r: at up to sqrt(K / m) r.
-        resting_speed = max(resting_speed, math.sqrt(scene.stiffness / scene.mass) * answered_rounding(base))
+        resting_speed = max(resting_speed, math.sqrt(scene.stiffness / scene.mass) * base.answered_rounding)
     bound = max(RETURN_RATIO * before, resting_speed)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
         reach_metric = Metric("largest distance from the surface", float(distance[farthest]), "m")
-        return Finding(Outcome.FAIL, message, reach_metric, reach, {**evidence, **evidence_at(base, farthest)})
+        return Finding(Outcome.FAIL, message, reach_metric, reach, {**evidence, **base.evidence_at(farthest)})
     # For the message alone; nothing moved before where this is not a number.
     ratio = after / before if before > 0.0 else math.nan
     return compared(

@@ -17,7 +17,7 @@ from hapticeval.phenomena.decisions import (
     STANDS,
 )
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion, decay_rate, never_across
-from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
+from hapticeval.phenomena.sampling import mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -25,12 +25,12 @@ from hapticeval.types import Array
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the largest distance in the last half of the run with that in the quarter before it."""
-    base = runs.base
+    base = runs.observed(scene)
     ended = base.meta.get("ended")
     if ended is not None:
         message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
-        return Finding(Outcome.FAIL, message, evidence={**evidence_at(base, len(base) - 1), "ended": dict(ended)})
-    motion = SurfaceMotion(base, scene)
+        return Finding(Outcome.FAIL, message, evidence={**base.evidence_at(len(base) - 1), "ended": dict(ended)})
+    motion = SurfaceMotion(base)
     # Judged from the last push on: while it is pushed a tool may well be off.
     first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
@@ -51,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
     farthest = worst_row(distance)
     evidence: dict[str, object] = {
-        **evidence_at(base, first + farthest),
+        **base.evidence_at(first + farthest),
         "largest_distance_m": float(distance[farthest]),
         "floor_m": floor,
         "assigned_decay_rate_1_s": rate,

@@ -8,26 +8,15 @@ from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.measures.closed_paths import running_sums
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    across_allowed,
-    clear_of_surface,
-    declares_force_only,
-    evidence_at,
-    force_floor,
-    hip_steps,
-    lacks_ihip,
     listed,
     mm,
     newtons,
-    pushed_in_free_space,
-    resolution,
-    time_and_hip,
-    touching,
-    trailing,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -41,36 +30,36 @@ KIND_WORDS = {
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
-    base = runs.base
-    pushed_in_free_space = _find_force_in_free_space(base, scene)
+    base = runs.observed(scene)
+    pushed_in_free_space = _find_force_in_free_space(base)
     if pushed_in_free_space is not None:
         return pushed_in_free_space
-    if lacks_ihip(base, scene):
+    if base.lacks_ihip:
         return without_ihip(base)
-    steps, size = hip_steps(base), scene.model.size
+    steps, size = base.hip_steps, scene.model.size
     grain = float(np.clip(TOOL_GRAIN * steps.max(initial=0.0), FINEST_GRAIN * size, COARSEST_GRAIN * size))
-    across = across_allowed(base, scene)
+    across = base.across_allowed
     # How far the HIP has moved in the last three ticks: (n,), m.
     along = running_sums(steps)
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
     # A late tool is where the hand was up to three ticks ago; the rest is where the surface may lie.
     allowed = moved + (across + grain)
-    trailing_tool = _find_trailing_tool(base, scene, allowed)
+    trailing_tool = _find_trailing_tool(base, allowed)
     if trailing_tool is not None:
         return trailing_tool
-    contact = touching(base, scene)
+    contact = base.contact.copy()
     # A tool that is simulated pulls at the hand by its coupling in free space, too: that force is no contact.
     rows = np.flatnonzero(contact)
-    in_free_space = scene.model.boundary.signed_distance(base.hip[rows]) > 0.0
-    contact[rows] = ~(in_free_space & clear_of_surface(base, rows, scene))
+    in_free_space = base.boundary.signed_distance(base.hip[rows]) > 0.0
+    contact[rows] = ~(in_free_space & base.clear_of_surface(rows))
     sunk = np.zeros(len(base), dtype=bool)
-    sunk[rows] = scene.model.boundary.signed_distance(base.ihip[rows]) < -(across + grain)
-    sunk |= _begun_behind(base, contact, scene.model.boundary, grain, across)
+    sunk[rows] = base.boundary.signed_distance(base.ihip[rows]) < -(across + grain)
+    sunk |= _begun_behind(base, contact, base.boundary, grain, across)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
-    reach = moved + (across + resolution(base, scene)) + grain
-    gap, since = _distances_past_surface(base, contact, sunk, scene.model.boundary, grain, allowed, reach)
+    reach = moved + (across + base.resolution) + grain
+    gap, since = _distances_past_surface(base, contact, sunk, base.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
-        away = float(scene.model.boundary.signed_distance(base.hip).min())
+        away = float(base.boundary.signed_distance(base.hip).min())
         reason = "the hand is never led into the model, and the tool never in contact"
         # So far off that somebody may have taken millimetres for metres.
         if away > scene.model.size:
@@ -81,11 +70,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = float(allowed[worst])
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"
-        return Finding(Outcome.PASS, message, metric, bound, evidence_at(base, worst))
+        return Finding(Outcome.PASS, message, metric, bound, base.evidence_at(worst))
     # Rows in which the hand is past the surface by more than that.
     without_contact = gap > allowed
     durations = np.diff(base.time, append=base.time[-1] + base.dt)
-    depth = -scene.model.boundary.signed_distance(base.hip)
+    depth = -base.boundary.signed_distance(base.hip)
     first = int(since[worst])
     had_contact = first > 0 and bool(contact[first - 1])
     kind = (
@@ -97,7 +86,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
     ticks, seconds = int(without_contact.sum()), float(durations[without_contact].sum())
     evidence: dict[str, object] = {
-        **evidence_at(base, first),
+        **base.evidence_at(first),
         "kind": kind,
         "deepest_m": max(float(depth[without_contact].max()), 0.0),
         "farthest_time": float(base.time[worst]),
@@ -109,54 +98,55 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if had_contact:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
-        f"{KIND_WORDS[kind]} at {time_and_hip(base, first)}: without contact for "
+        f"{KIND_WORDS[kind]} at {base.time_and_hip(first)}: without contact for "
         f"{seconds:.3g} s ({ticks} of {len(base)} ticks), the hand gets {mm(metric.value)} past the surface that bars "
         "the tool's way"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
-def _find_force_in_free_space(base: Recording, scene: Scene) -> Finding | None:
+def _find_force_in_free_space(base: Observed) -> Finding | None:
     """Return a failure where a hand in free space feels a force; None where none does, or nobody can know.
 
     It is asked of a renderer that gives a contact point elsewhere, or declares that it gives none.
     """
-    if not (base.apart.any() or declares_force_only(base)):
+    if not (base.apart.any() or base.declares_force_only):
         return None
-    pushed = pushed_in_free_space(base, scene)
+    pushed = base.pushed_in_free_space
     if not pushed.any():
         return None
     force = np.where(pushed, np.linalg.norm(base.force, axis=1), 0.0)
     first, largest = int(np.argmax(pushed)), float(force.max())
     ticks = int(pushed.sum())
     metric = Metric("force in free space", largest, "N")
-    evidence = {**evidence_at(base, first), "kind": "haunts", "pushed_ticks": ticks}
+    evidence = {**base.evidence_at(first), "kind": "haunts", "pushed_ticks": ticks}
     message = (
         f"the hand feels {newtons(largest)} in free space, where the tool is at the hand: from t = "
         f"{base.time[first]:.4g} s ({ticks} of {len(base)} ticks)"
     )
-    return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
+    return Finding(Outcome.FAIL, message, metric, base.force_floor, evidence)
 
 
-def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
+def _find_trailing_tool(base: Observed, allowed: Array) -> Finding | None:
     """Return a failure where the tool does not follow the hand in free space: it could then meet no surface in time.
 
     `allowed` (n,), m, is how far the IHIP may be from the HIP there.
     """
-    distance = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
+    scene = base.scene
+    distance = np.where(base.trailing, np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
     # A late IHIP rests for up to three ticks where the contact was.
-    distance[_rests_where_contact_ended(base, scene, allowed)] = 0.0
+    distance[_rests_where_contact_ended(base, allowed)] = 0.0
     worst = worst_row(distance - allowed)
     if distance[worst] <= allowed[worst]:
         return None
     many = int(np.sum(distance > allowed))
     # A tool that the surface still holds is not in free space, though the hand is outside, as behind a plate.
-    lies = float(np.abs(scene.model.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
-    dropped = bool(touching(base, scene)[:worst].any()) and lies <= allowed[worst]
+    lies = float(np.abs(base.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
+    dropped = bool(base.contact[:worst].any()) and lies <= allowed[worst]
     kind = "dropped" if dropped else "trails"
     # From the surface its way to the hand may be open.
     grain = FINEST_GRAIN * scene.model.size
-    if dropped and follow(scene.model.boundary, base.ihip[worst], base.hip[worst], grain) is None:
+    if dropped and follow(base.boundary, base.ihip[worst], base.hip[worst], grain) is None:
         kind = "stays"
     what = {
         "dropped": "the force is dropped: none, with the IHIP on the surface,",
@@ -167,16 +157,16 @@ def _find_trailing_tool(base: Recording, scene: Scene, allowed: Array) -> Findin
         f"{what} {mm(distance[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
-    evidence = {**evidence_at(base, worst), "kind": kind, "trailing_ticks": many}
+    evidence = {**base.evidence_at(worst), "kind": kind, "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _rests_where_contact_ended(base: Recording, scene: Scene, allowed: Array) -> BoolArray:
+def _rests_where_contact_ended(base: Observed, allowed: Array) -> BoolArray:
     """Return where the IHIP is still where the contact has ended, (n,): for three ticks, as a late one is.
 
     It is no farther from the last contact point than the hand has moved, and what a surface may be off.
     """
-    contact = touching(base, scene)
+    contact = base.contact
     rows = np.arange(len(base))
     # The last row in contact up to each, where there was one.
     last = np.maximum.accumulate(np.where(contact, rows, 0))
@@ -204,7 +194,7 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
     return tool
 
 
-def _begun_behind(base: Recording, contact: BoolArray, boundary: Boundary, grain: float, across: float) -> BoolArray:
+def _begun_behind(base: Observed, contact: BoolArray, boundary: Boundary, grain: float, across: float) -> BoolArray:
     """Return the rows of contacts, (n,), that begin where a rigid tool does not get to, as on the back of a plate.
 
     The IHIP may lie `across` (m) under the surface, and is placed to `grain` (m).
@@ -219,7 +209,7 @@ def _begun_behind(base: Recording, contact: BoolArray, boundary: Boundary, grain
     return behind
 
 
-def _carried(base: Recording, sunk: BoolArray, boundary: Boundary, tick: int, grain: float) -> Array:
+def _carried(base: Observed, sunk: BoolArray, boundary: Boundary, tick: int, grain: float) -> Array:
     """Return where a rigid tool is, (N,), m, that has followed the renderer's own up to the row before `tick`.
 
     That is the IHIP; where it has `sunk` (n,) into the solid, or is behind it, the tool is led along outside, from
@@ -235,7 +225,7 @@ def _carried(base: Recording, sunk: BoolArray, boundary: Boundary, tick: int, gr
 
 
 def _distances_past_surface(
-    base: Recording,
+    base: Observed,
     contact: BoolArray,
     sunk: BoolArray,
     boundary: Boundary,
@@ -252,7 +242,7 @@ def _distances_past_surface(
     Farther than `allowed` (n,), m, it counts as held only where neither a place nor a start within `reach` (n,), m, has
     an open way.
     """
-    hip, steps = base.hip, hip_steps(base)
+    hip, steps = base.hip, base.hip_steps
     frame = boundary.closest_point(hip)
     clear = frame.distance > 0.0
     # No point of a way is inside where the clear distances at its ends cover it.

@@ -15,28 +15,17 @@ from hapticeval.effects.effect import Alters
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROUNDINGS, STATIC_SHARE, TELLING_SHARE
-from hapticeval.phenomena.measures.lag import delayed, find_lag, largest_in_lag, over_lag, resting_ticks
+from hapticeval.phenomena.lag import delayed, largest_in_lag, over_lag, resting_ticks
 from hapticeval.phenomena.measures.stiffness import force_coarseness
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    answered_rounding,
-    believed_standoff,
-    evidence_at,
-    force_depth,
-    hip_step,
-    log_step,
     mm,
     newtons,
-    position_tolerance,
-    resolution,
-    rounding,
     steps_to,
-    time_and_hip,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
@@ -46,29 +35,29 @@ NEAREST = "minimum-distance"
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Judge the direction first; then, where the run ends in rest under an operator's push, the magnitude."""
-    base = runs.base
-    pressed_rows = np.flatnonzero(above_force_floor(base, scene))
+    base = runs.observed(scene)
+    pressed_rows = np.flatnonzero(base.pressed)
     if pressed_rows.size == 0:
         return undecided("no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
-        return _without_ihip(base, scene, pressed_rows)
-    declared, near = resolution(base, scene), _normal_reach(base, scene)[pressed_rows]
+        return _without_ihip(base, pressed_rows)
+    declared, near = base.resolution, _normal_reach(base)[pressed_rows]
     # Around the IHIP every normal within its lag and the declared resolution is a true one.
-    angle_outside = scene.model.boundary.normal_cone(base.ihip[pressed_rows], near + declared)
-    rounded = _rounding_angle(base, scene, pressed_rows)
-    lag = _ihip_lag(base, scene, pressed_rows, angle_outside, rounded)
-    deviation = _force_deviation(base, scene, pressed_rows, angle_outside, lag)
+    angle_outside = base.boundary.normal_cone(base.ihip[pressed_rows], near + declared)
+    rounded = _rounding_angle(base, pressed_rows)
+    lag = _ihip_lag(base, pressed_rows, angle_outside, rounded)
+    deviation = _force_deviation(base, pressed_rows, angle_outside, lag)
     # What rounding leaves, and what a lag leaves of a path that bends.
     allowed = rounded + _bend_angle(base, pressed_rows, lag)
     worst = worst_row(deviation - allowed)
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(pressed_rows[worst])
     leans = _error_vector_angles(base, pressed_rows, angle_outside)
-    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(pressed_rows.size), **leans}
+    evidence: dict[str, object] = {**base.evidence_at(tick), "samples": int(pressed_rows.size), **leans}
     if lag is not None:
         evidence["lag_ticks"] = lag
     metric = Metric("angle of the force outside the true normals", angle, "deg")
-    where = f"every true normal near the IHIP at {time_and_hip(base, tick)}"
+    where = f"every true normal near the IHIP at {base.time_and_hip(tick)}"
     if angle > bound:
         size = float(np.linalg.norm(base.force[tick]))
         evidence["force_N"] = size
@@ -90,15 +79,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if declared > 0.0:
         # How far the force would be off without the declared resolution: said, though it is granted.
         deviation_without = _force_deviation(
-            base, scene, pressed_rows, scene.model.boundary.normal_cone(base.ihip[pressed_rows], near), lag
+            base, pressed_rows, base.boundary.normal_cone(base.ihip[pressed_rows], near), lag
         )
-        needs_resolution = deviation_without - (allowed - _resolution_angle(base, scene, pressed_rows))
+        needs_resolution = deviation_without - (allowed - _resolution_angle(base, pressed_rows))
         neediest = worst_row(needs_resolution)
         if needs_resolution[neediest] > 0.0:
             leaning = math.degrees(float(deviation_without[neediest]))
             evidence["angle_by_resolution_deg"] = leaning
             granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
-    balance = _static_balance(base, scene)
+    balance = _static_balance(base)
     if isinstance(balance, str):
         message = f"the force is along the surface normal throughout{granted}"
         if base.meta.get("source") == "experiment" and balance:
@@ -124,15 +113,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
-def _without_ihip(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Finding:
+def _without_ihip(recording: Observed, pressed_rows: IntArray) -> Finding:
     """Judge the force of a recording without IHIP against the normal at the model's point nearest to the HIP.
 
     That is where a minimum-distance renderer has its contact point, and others with a memory may have theirs elsewhere:
     of these nothing is decided.
     """
     ihip = recording.hip.copy()
-    ihip[pressed_rows] = scene.model.boundary.closest_point(ihip[pressed_rows]).foot
-    finding = judge(Runs(replace(recording, channels={**recording.channels, "ihip": ihip})), scene)
+    ihip[pressed_rows] = recording.boundary.closest_point(ihip[pressed_rows]).foot
+    finding = judge(Runs(recording.with_channels(ihip=ihip).recording), recording.scene)
     # The evidence names the point that was assumed, and not an IHIP that nobody recorded.
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
     assumed = "no IHIP was recorded: judged at the model's point nearest to the HIP"
@@ -144,7 +133,7 @@ def _without_ihip(recording: Recording, scene: Scene, pressed_rows: IntArray) ->
 
 
 def _error_vector_angles(
-    recording: Recording, pressed_rows: IntArray, angle_outside: Callable[[Array], Array]
+    recording: Observed, pressed_rows: IntArray, angle_outside: Callable[[Array], Array]
 ) -> dict[str, float]:
     """Return how far the error vector HIP to IHIP leans from the normal, degrees: median and 95th percentile.
 
@@ -161,7 +150,7 @@ def _error_vector_angles(
     }
 
 
-def _normal_reach(recording: Recording, scene: Scene) -> Array:
+def _normal_reach(recording: Observed) -> Array:
     """Return how far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
 
     - IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be
@@ -174,16 +163,15 @@ def _normal_reach(recording: Recording, scene: Scene) -> Array:
     steps = steps_to(recording.ihip)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
         # x = F dt^2 / m: as far as the contact's force may have thrown the tool in a tick.
-        pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
+        pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / recording.scene.mass
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
-    off = believed_standoff(recording, scene) + rounding(scene) + log_step(recording, "ihip")
+    off = recording.believed_standoff + recording.rounding + recording.log_step("ihip")
     return np.asarray(LAG_TICKS * largest_in_lag(steps) + off)
 
 
 def _force_deviation(
-    recording: Recording,
-    scene: Scene,
+    recording: Observed,
     pressed_rows: IntArray,
     angle_outside: Callable[[Array], Array],
     lag: float | None,
@@ -203,7 +191,7 @@ def _force_deviation(
         # the HIPs that the IHIPs answer: of `lag` ticks before, and those that it has rested
         answered = delayed(recording.hip, pressed_rows - resting_ticks(recording.ihip)[pressed_rows], lag)
         force = force + stiffness * (recording.hip[pressed_rows] - answered)
-    return _angles(force, scene, angle_outside)
+    return _angles(force, recording.scene, angle_outside)
 
 
 def _angles(vectors: Array, scene: Scene, angle_outside: Callable[[Array], Array]) -> Array:
@@ -212,7 +200,7 @@ def _angles(vectors: Array, scene: Scene, angle_outside: Callable[[Array], Array
 
 
 def _ihip_lag(
-    recording: Recording, scene: Scene, pressed_rows: IntArray, angle_outside: Callable[[Array], Array], rounded: Array
+    recording: Observed, pressed_rows: IntArray, angle_outside: Callable[[Array], Array], rounded: Array
 ) -> float | None:
     """Return the one lag of the run's IHIPs, ticks, where forces ask for one; None where none does.
 
@@ -220,14 +208,14 @@ def _ihip_lag(
     """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[pressed_rows]
     asks = np.flatnonzero(
-        (_force_deviation(recording, scene, pressed_rows, angle_outside, None) > rounded) & (depth > force_depth(scene))
+        (_force_deviation(recording, pressed_rows, angle_outside, None) > rounded) & (depth > recording.force_depth)
     )
     # The error vector itself leans where a lag is behind it; a force that leans alone has another cause.
-    present = _angles(recording.ihip[pressed_rows] - recording.hip[pressed_rows], scene, angle_outside)
-    return find_lag(recording, scene).ihip if np.any(present[asks] > rounded[asks]) else None
+    present = _angles(recording.ihip[pressed_rows] - recording.hip[pressed_rows], recording.scene, angle_outside)
+    return recording.lag.ihip if np.any(present[asks] > rounded[asks]) else None
 
 
-def _bend_angle(recording: Recording, pressed_rows: IntArray, lag: float | None) -> Array:
+def _bend_angle(recording: Observed, pressed_rows: IntArray, lag: float | None) -> Array:
     """Return the angle (n,), rad, that a path which bends between ticks leaves in forces that are `lag` ticks late.
 
     A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
@@ -241,13 +229,13 @@ def _bend_angle(recording: Recording, pressed_rows: IntArray, lag: float | None)
     return _tilt_angle(recording, pressed_rows, over_lag(bends, pressed_rows).max(axis=0))
 
 
-def _tilt_angle(recording: Recording, pressed_rows: IntArray, aside: Array | float) -> Array:
+def _tilt_angle(recording: Observed, pressed_rows: IntArray, aside: Array | float) -> Array:
     """Return the angle (n,), rad, by which a spring tilts whose end lies `aside` by m; 0 where a force has no depth."""
     depth = _least_depth(recording, pressed_rows)
     return np.asarray(np.arcsin(np.minimum(np.divide(aside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
 
 
-def _least_depth(recording: Recording, pressed_rows: IntArray) -> Array:
+def _least_depth(recording: Observed, pressed_rows: IntArray) -> Array:
     """Return the least depth (n,), m, of the three ticks that a force may be late; 0 where it has none in any."""
     depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
     # A row without a depth does not bound it.
@@ -257,16 +245,16 @@ def _least_depth(recording: Recording, pressed_rows: IntArray) -> Array:
     return np.asarray(depth)
 
 
-def _resolution_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
+def _resolution_angle(recording: Observed, pressed_rows: IntArray) -> Array:
     """Return the angle (n,), rad, by which a spring tilts to a point that the declared resolution puts beside.
 
     At most a HIP step beside: what is coarser are facets, in whose contact a spring is normal to the facet, and that is
     a normal within the resolution.
     """
-    return _tilt_angle(recording, pressed_rows, min(resolution(recording, scene), hip_step(recording, scene)))
+    return _tilt_angle(recording, pressed_rows, min(recording.resolution, recording.hip_step))
 
 
-def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
+def _rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array:
     """Return the angle (n,), rad, that the rounding of numbers and the declared resolution leave in each force.
 
     Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
@@ -276,32 +264,32 @@ def _rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) 
     as much to any side. Who answers in single precision may have the corners of a triangle in it.
     """
     depth = _least_depth(recording, pressed_rows)
-    stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
+    stretch = np.divide(recording.scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
     # Rounding of two positions over their difference: SINGLE size / depth.
     angle = (
         ANGLE_ROUNDING
         + SINGLE_ROUNDINGS * SINGLE * np.maximum(stretch, 1.0)
-        + _resolution_angle(recording, scene, pressed_rows)
-        + _corner_rounding_angle(recording, scene, pressed_rows)
+        + _resolution_angle(recording, pressed_rows)
+        + _corner_rounding_angle(recording, pressed_rows)
     )
     # Aside by a declared quantum, or by half a step of a log in every component.
     sizes = np.linalg.norm(recording.force[pressed_rows], axis=1)
     return np.asarray(angle + np.arcsin(np.minimum(force_coarseness(recording, sizes) / sizes, 1.0)))
 
 
-def _corner_rounding_angle(recording: Recording, scene: Scene, pressed_rows: IntArray) -> Array:
+def _corner_rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array:
     """Return the angle (n,), rad, by which the triangle under each IHIP tilts where its corners are rounded.
 
     That is the rounding over the least height, of a renderer that answers in single precision; 0 of others.
     """
-    rounded, mesh = answered_rounding(recording), scene.model.boundary
+    rounded, mesh = recording.answered_rounding, recording.boundary
     if rounded == 0.0 or not isinstance(mesh, Mesh):
         return np.zeros(pressed_rows.size)
     heights = mesh.least_heights(recording.ihip[pressed_rows])
     return np.asarray(np.arctan2(rounded, heights))
 
 
-def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | str:
+def _static_balance(recording: Observed) -> tuple[float, float, float] | str:
     """Return force less push along the normal, what the momentum allows, and the push, N; else why there is none.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
@@ -309,6 +297,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
 
     Without words where it is not asked: without an operator, or of a constraint that holds from both sides.
     """
+    scene = recording.scene
     if "operator_force" not in recording.channels or scene.bilateral:
         return ""
     count = max(int(STATIC_SHARE * len(recording)), 2)
@@ -318,18 +307,18 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
     # At one place as well as one can be told: and so with one normal.
-    still = position_tolerance(recording, scene)
-    if not touching(recording, scene)[window].all():
+    still = recording.position_tolerance
+    if not recording.contact[window].all():
         return "the tool is not in contact to the end"
     if travel > still:
         return "the tool is not at rest at the end"
-    normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
+    normal = recording.boundary.closest_point(ihip[-1:]).normal[0]
     # The last force acts behind the last velocity that is known.
     acting = slice(window.start, window.stop - 1)
     force = float(np.mean(recording.force[acting] @ normal))
     # The push is positive into the surface.
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
-    if _motors_hold_back(recording, scene, acting):
+    if _motors_hold_back(recording, acting):
         return "at the end motors hold back what the renderer asks for"
     momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
     if not isinstance(scene.robot, PointMass):
@@ -346,12 +335,12 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     return force - push, allowed, push
 
 
-def _motors_hold_back(recording: Recording, scene: Scene, rows: slice) -> bool:
+def _motors_hold_back(recording: Observed, rows: slice) -> bool:
     """Return whether in some of the rows motors hold back what the renderer asks for: at their limit, or rubbing."""
-    saturation = scene.effect(SATURATION)
+    saturation = recording.scene.effect(SATURATION)
     limited = saturation is not None and "joint_torque" in recording.channels
     at_limit = limited and bool(np.any(np.abs(recording.channels["joint_torque"][rows]) >= saturation.limit))
-    return at_limit or scene.effect(JOINT_FRICTION) is not None
+    return at_limit or recording.scene.effect(JOINT_FRICTION) is not None
 
 
 CHECK = Check(

@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.phenomena.check import Check, Refinable, Runs, without_ihip
+from hapticeval.phenomena.check import Check, Refinable, Runs, required, without_ihip
 from hapticeval.phenomena.decisions import (
     CHORD_STEPS,
     COARSENINGS,
@@ -27,47 +27,33 @@ from hapticeval.phenomena.decisions import (
     SHRINKING_SLOPE,
     STILL_STEP_SHARE,
 )
+from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.jumps import Remains, RoughPlace, aitken, jump_at_rate, lets_go, look_closer
-from hapticeval.phenomena.measures.lag import largest_in_lag
 from hapticeval.phenomena.measures.steps import (
     bounds_with_flights,
-    contact_steps,
     largest_jump,
-    recent_steps,
     step_bounds,
     with_steps_of_pieces,
     worst_step,
 )
 from hapticeval.phenomena.measures.under_the_hand import find_aside
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    across_allowed,
-    as_sensed,
-    believed_standoff,
-    evidence_at,
-    hip_step,
-    hip_steps,
-    holding,
-    lacks_ihip,
     listed,
     mm,
-    pushed_in_free_space,
     rounding,
-    standoff,
     steps_to,
-    time_and_hip,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
-def amplification(recording: Recording, scene: Scene) -> float:
+def amplification(recording: Observed) -> float:
     """Return the largest ratio of IHIP step to HIP step in contact: how far a map stretches; 0 without two samples."""
-    contact = holding(recording, scene)
-    steps = hip_steps(recording)
+    contact = recording.holding
+    steps = recording.hip_steps
     # Steps next to nothing divide rounding by rounding.
     judged = contact[1:] & contact[:-1] & (steps > STILL_STEP_SHARE * np.max(steps, initial=0.0))
     if not judged.any():
@@ -84,33 +70,38 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     contact point's, however smooth.
     """
     # Where sensors are not exact, the hand's way is the one that the renderer was given.
-    base, refine = as_sensed(runs.base), runs.refine
-    if lacks_ihip(base, scene):
+    base = runs.observed(scene).as_sensed
+    if base.lacks_ihip:
         return without_ihip(base)
-    tick = largest_jump(base, scene)[1]
+    tick = largest_jump(base)[1]
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
-    astray = _find_off_surface(base, scene)
+    astray = _find_off_surface(base)
     if astray is not None and (astray.margin or 0.0) < -scene.model.size:
         # Whether it jumps besides is no question, and costs many finer runs.
         return replace(astray, message=f"{astray.message}, farther than the model is large: is its unit the metre?")
+
+    def finer(factor: int) -> Observed:
+        """Return the run at so many times the rate."""
+        return Observed(required(runs.refine)(factor), scene).as_sensed
+
     # Three tests, the stronger the more can be run again: one recording, the whole run, each place of a path.
-    if refine is None:
-        finding = _judge_fixed(base, scene)
+    if runs.refine is None:
+        finding = _judge_fixed(base)
     elif runs.look is not None:
-        finding = _judge_closely(runs.look, refine, scene, runs.pieces)
+        finding = _judge_closely(runs.look, Observed(runs.look.recording, scene), finer, runs.pieces)
     else:
-        finding = _judge_refined(base, lambda factor: as_sensed(refine(factor)), scene)
+        finding = _judge_refined(base, finer)
     # On the surface, but elsewhere than under the hand.
-    astray = astray or find_aside(base, scene)
+    astray = astray or find_aside(base)
     if astray is not None:
         if finding.outcome is not Outcome.FAIL:
             return astray
         evidence = {**astray.evidence, **finding.evidence}
         return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
     # Deeper inside than this a late answer does not explain a tick without contact.
-    depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
-    let_go_tick = lets_go(base, slice(None), depth, scene)
+    depth = LAG_TICKS * base.hip_step + base.believed_standoff + rounding(scene)
+    let_go_tick = lets_go(base, slice(None), depth)
     if finding.outcome is Outcome.FAIL or let_go_tick is None:
         return finding
     let_go_note = f"inside the model without contact at t = {base.time[let_go_tick]:.4g} s, which contact-kept judges"
@@ -119,7 +110,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
+def _find_off_surface(base: Observed) -> Finding | None:
     """Return a failure where an IHIP in contact lies off the model, farther than it may; else None.
 
     A late contact point lies on the surface too, or on a chord of it. Three ticks are granted
@@ -130,46 +121,46 @@ def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
 
     A tool that is at the hand in free space is right there, whatever the force: that is for contact-kept.
     """
-    contact = holding(base, scene)
+    contact = base.holding
     if base.apart.any():
-        contact = contact & ~pushed_in_free_space(base, scene)
+        contact = contact & ~base.pushed_in_free_space
     # A run that ends in contact does not end the contact.
     around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
     # In contact in all of the seven ticks around: not where a contact begins or ends.
     settled = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     settled &= np.any(base.ihip != base.hip, axis=1)
     # Half a step for a chord over an edge, three steps where a contact begins or ends.
-    allowed = np.where(settled, CHORD_STEPS, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
+    allowed = np.where(settled, CHORD_STEPS, LAG_TICKS) * base.recent_steps + base.across_allowed
     distance = np.zeros(len(base))
-    distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
+    distance[contact] = np.abs(base.boundary.signed_distance(base.ihip[contact]))
     worst = worst_row(distance - allowed)
     largest_distance = float(distance[worst])
     if largest_distance <= allowed[worst]:
         return None
-    message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at {time_and_hip(base, worst)}"
+    message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at {base.time_and_hip(worst)}"
     metric = Metric("distance of the IHIP in contact from the surface", largest_distance, "m")
-    evidence = {**evidence_at(base, worst), "off_surface_m": largest_distance}
+    evidence = {**base.evidence_at(worst), "off_surface_m": largest_distance}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _jump_evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
+def _jump_evidence(base: Observed, tick: int) -> dict[str, object]:
     """Return where and when the IHIP moved far, and how far."""
     jump = _ihip_step_to(base, tick)
     return {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "ihip_before": listed(base.ihip[tick - 1]),
         "jump_m": jump,
-        "hip_step_m": hip_step(base, scene),
-        "amplification": amplification(base, scene),
-        "jump_in_hip_steps": jump / float(max(hip_steps(base)[tick - 1], 1e-12)),
+        "hip_step_m": base.hip_step,
+        "amplification": amplification(base),
+        "jump_in_hip_steps": jump / float(max(base.hip_steps[tick - 1], 1e-12)),
     }
 
 
-def _ihip_step_to(base: Recording, tick: int) -> float:
+def _ihip_step_to(base: Observed, tick: int) -> float:
     return float(np.linalg.norm(base.ihip[tick] - base.ihip[tick - 1]))
 
 
-def _pop_through_message(base: Recording, jump: float, where: str, evidence: dict[str, object]) -> str:
+def _pop_through_message(base: Observed, jump: float, where: str, evidence: dict[str, object]) -> str:
     """Return the message for a `jump` (m) that stays; note as evidence whether it is mini or major (section 4.1.2)."""
     # Mini pop-through: between neighbouring pieces of the renderer's own representation.
     mini = jump <= MINI_JUMP_EDGES * base.resolution
@@ -178,29 +169,27 @@ def _pop_through_message(base: Recording, jump: float, where: str, evidence: dic
     return f"{what}: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
 
 
-def _continuous_message(base: Recording, scene: Scene, jump: float) -> str:
-    step = hip_step(base, scene)
+def _continuous_message(base: Observed, jump: float) -> str:
+    step = base.hip_step
     times = jump / step if step else 0.0
     return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
 
 
-def _judge_refined(
-    base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None
-) -> Finding:
+def _judge_refined(base: Observed, refine: Callable[[int], Observed], tick: int | None = None) -> Finding:
     """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
-    surface_gap = standoff(base, scene)
-    jump, worst = worst_step(base, scene, bounds_with_flights(base, scene, LAG_TICKS, surface_gap))
+    surface_gap = base.standoff
+    jump, worst = worst_step(base, bounds_with_flights(base, LAG_TICKS, surface_gap))
     tick = worst if tick is None else tick
-    evidence = _jump_evidence(base, scene, tick)
+    evidence = _jump_evidence(base, tick)
     jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
         fine = refine(factor)
-        bounds = bounds_with_flights(fine, scene, LAG_TICKS, surface_gap)
-        jump, worst = worst_step(fine, scene, bounds)
+        bounds = bounds_with_flights(fine, LAG_TICKS, surface_gap)
+        jump, worst = worst_step(fine, bounds)
         jumps.append(jump)
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
-        fault = _fault_of_sibling(base, fine, factor, tick, scene)
+        fault = _fault_of_sibling(base, fine, factor, tick)
         if fault is not None:
             return replace(fault, evidence=evidence)
         # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
@@ -213,7 +202,7 @@ def _judge_refined(
     # A jump that stays is the finest one; of what shrinks only the limit is left.
     remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
     metric = CHECK.measured(remaining)
-    where = f"{mm(remaining)} at {time_and_hip(base, tick)}"
+    where = f"{mm(remaining)} at {base.time_and_hip(tick)}"
     if remaining > bound:
         message = _pop_through_message(base, remaining, where, evidence)
         # Between the two slopes a steep map and a jump beside one look alike.
@@ -228,11 +217,11 @@ def _judge_refined(
             f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
         )
     else:
-        message = _continuous_message(base, scene, jumps[0])
+        message = _continuous_message(base, jumps[0])
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
-def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, scene: Scene) -> Finding | None:
+def _fault_of_sibling(base: Observed, fine: Observed, factor: int, tick: int) -> Finding | None:
     """Return a failure where a finer run lets go at the step to `tick`, or has no such step: it then shows nothing.
 
     A step is at most as long as the sum of the finer ones that it is made of, so the largest of k is a k-th of it at
@@ -240,7 +229,7 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
 
     A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
     """
-    allowed = float(step_bounds(base, scene, LAG_TICKS, standoff(base, scene))[tick])
+    allowed = float(step_bounds(base, LAG_TICKS, base.standoff)[tick])
     # Tick k of the base is row k `factor` of the finer run; begun as much earlier as an answer may be late.
     rows = slice(factor * max(tick - 1 - LAG_TICKS, 0), factor * tick + 1)
     if rows.stop > len(fine):
@@ -252,90 +241,90 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     if hand_distance.max() > allowed:
         return None
     jump = _ihip_step_to(base, tick)
-    if jump > allowed and lets_go(fine, rows, allowed, scene) is not None:
+    if jump > allowed and lets_go(fine, rows, allowed) is not None:
         fine_answer = "it lets go there"
     # k steps of the finer run, of the largest length, do not add up to the jump.
-    elif factor * largest_jump(fine, scene)[0] < jump - allowed:
+    elif factor * largest_jump(fine)[0] < jump - allowed:
         fine_answer = "it does not"
     else:
         return None
-    where = f"{mm(jump)} at {time_and_hip(base, tick)}"
+    where = f"{mm(jump)} at {base.time_and_hip(tick)}"
     message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate {fine_answer}"
     return Finding(Outcome.FAIL, message, Metric("IHIP jump that only this sampling rate has", jump, "m"), allowed)
 
 
 def _judge_closely(
-    path: Refinable, refine: Callable[[int], Recording], scene: Scene, pieces: Boundary | None
+    path: Refinable, base: Observed, refine: Callable[[int], Observed], pieces: Boundary | None
 ) -> Finding:
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
-    base = path.recording
-    surface_gap = standoff(base, scene)
-    bounds = bounds_with_flights(base, scene, HALF_LAG_STEPS, surface_gap)
+    surface_gap = base.standoff
+    bounds = bounds_with_flights(base, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
-        bounds = with_steps_of_pieces(base, scene, bounds, pieces)
-    place = look_closer(path, scene, bounds=bounds, standoff=surface_gap)
+        bounds = with_steps_of_pieces(base, bounds, pieces)
+    place = look_closer(path, base, bounds=bounds, standoff=surface_gap)
     if place is None:
-        steps = contact_steps(base, scene)
-        jump, tick = worst_step(base, scene, bounds)
+        steps = base.contact_steps
+        jump, tick = worst_step(base, bounds)
         bound = float(bounds[tick])
         # What is measured is a step within its bound, and the evidence is of that one.
         longest = worst_row(np.where(steps <= bounds, steps, -np.inf))
-        evidence = _jump_evidence(base, scene, longest)
+        evidence = _jump_evidence(base, longest)
         if jump > bound:
             evidence |= {"steep_step_m": jump, "steep_time": float(base.time[tick])}
             message = (
-                f"continuous while in contact, but steep: the IHIP moves {mm(jump)} at {time_and_hip(base, tick)}, in "
+                f"continuous while in contact, but steep: the IHIP moves {mm(jump)} at {base.time_and_hip(tick)}, in "
                 "one step; finer ones shrink it"
             )
         elif jump > bound - surface_gap:
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
         else:
-            message = _continuous_message(base, scene, float(steps.max()))
+            message = _continuous_message(base, float(steps.max()))
         metric = CHECK.measured(steps[longest])
         return Finding(Outcome.PASS, message, metric, float(bounds[longest]), evidence)
     bound = float(bounds[place.tick])
     if place.kind is Remains.UNRESOLVED:
-        return _judge_refined(base, refine, scene, place.tick)
+        return _judge_refined(base, refine, place.tick)
     # How many times finer than the path's each scale is.
     finer = [2 ** round(scale.halvings) for scale in place.scales]
-    evidence = _jump_evidence(base, scene, place.tick) | {
+    evidence = _jump_evidence(base, place.tick) | {
         "jumps_m": [scale.jump for scale in place.scales],
         "refinements": finer,
         "slope": place.slope,
     }
     metric = CHECK.measured(place.remaining)
-    where = f"{mm(place.remaining)} at {time_and_hip(base, place.tick)}"
+    where = f"{mm(place.remaining)} at {base.time_and_hip(place.tick)}"
     if place.kind is Remains.STEEP:
         message = (
             f"steep: the IHIP moves {where}, in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
             f"with the exponent {place.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
         return undecided(message, metric, bound, evidence)
-    confirming = [jump_at_rate(factor, path, scene, place.tick) for factor in CONFIRMING_RATES]
+    confirming = [jump_at_rate(factor, path, base.scene, place.tick) for factor in CONFIRMING_RATES]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
     if min(confirming) < CONFIRMED_SHARE * place.remaining:
         message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
     else:
         message = _pop_through_message(base, place.remaining, where, evidence)
-    other = _jump_without_nearest_point(path, scene, bounds, surface_gap) if base.meta.get("memory") == "none" else None
+    other = _jump_without_nearest_point(path, base, bounds, surface_gap) if base.meta.get("memory") == "none" else None
     if other is not None and other.tick != place.tick:
         evidence |= {"unexplained_jump_m": other.remaining, "unexplained_time": float(base.time[other.tick])}
         message += (
-            f"; besides, it jumps {mm(other.remaining)} at {time_and_hip(base, other.tick)}, where the model's "
+            f"; besides, it jumps {mm(other.remaining)} at {base.time_and_hip(other.tick)}, where the model's "
             "nearest point does not"
         )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
-def _jump_without_nearest_point(path: Refinable, scene: Scene, bounds: Array, surface_gap: float) -> RoughPlace | None:
+def _jump_without_nearest_point(
+    path: Refinable, base: Observed, bounds: Array, surface_gap: float
+) -> RoughPlace | None:
     """Return a jump that stays and that the model's own nearest point does not make within three ticks; else None.
 
     Of several jumps a finding has the longest only. A renderer without memory may owe that one to the medial axis, and
     not the others: the longest steps of the nearest point are allowed for here, in the `bounds` (n,), m.
     """
-    base = path.recording
-    feet = scene.model.boundary.closest_point(base.hip).foot
-    place = look_closer(path, scene, bounds=bounds + largest_in_lag(steps_to(feet)), standoff=surface_gap)
+    nearest_steps = largest_in_lag(steps_to(base.nearest.foot))
+    place = look_closer(path, base, bounds=bounds + nearest_steps, standoff=surface_gap)
     return place if place is not None and place.kind is Remains.STAYS else None
 
 
@@ -368,14 +357,14 @@ def _limit_of_jumps(jumps: list[float]) -> float:
     return aitken(*jumps[-3:])
 
 
-def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
+def coarsened_slope(recording: Observed, tick: int) -> float:
     """Return how fast the largest IHIP step around `tick` grows with the samples left out: log2 a doubling.
 
     0 is a jump, 1 a smooth way; not a number where contact is too short.
 
     Over the widest window that all steps fit in; steps that leave the contact are none.
     """
-    contact = touching(recording, scene)
+    contact = recording.contact
     widest = COARSENINGS[-1]
     jumps = []
     # Every sample, every second, every fourth: the step over `width` ticks.
@@ -392,7 +381,7 @@ def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
     return -_shrinking_slope(jumps) if len(jumps) > 1 else math.nan
 
 
-def _judge_fixed(base: Recording, scene: Scene) -> Finding:
+def _judge_fixed(base: Observed) -> Finding:
     """Apply the weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
     Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d). One
@@ -401,19 +390,19 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     - where kappa d comes close to 1: there a long step may be honest;
     - where the step grows when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    bounds = bounds_with_flights(base, scene, LAG_TICKS, standoff(base, scene))
-    jump, tick = worst_step(base, scene, bounds)
-    ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
+    bounds = bounds_with_flights(base, LAG_TICKS, base.standoff)
+    jump, tick = worst_step(base, bounds)
+    ends = base.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     # kappa d, with the largest curvature at either end of the step
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
     on_axis = bent >= MEDIAL_BENDING
     # A step of the hand of length h moves the nearest point by h / (1 - kappa d).
     stretch = 1.0 if on_axis else 1.0 / (1.0 - bent)
-    bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
-    evidence = _jump_evidence(base, scene, tick)
+    bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * base.recent_steps[tick])
+    evidence = _jump_evidence(base, tick)
     metric = Metric("largest IHIP jump", jump, "m")
-    moved, note = f"{mm(jump)} at {time_and_hip(base, tick)}", "judged on one sampling only, which is the weaker test"
+    moved, note = f"{mm(jump)} at {base.time_and_hip(tick)}", "judged on one sampling only, which is the weaker test"
     if jump <= bound:
         return Finding(
             Outcome.PASS, f"no jump beyond the HIP's own steps while in contact; {note}", metric, bound, evidence
@@ -421,7 +410,7 @@ def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     if on_axis:
         message = f"the IHIP moves {moved}, in one step near the medial axis; {note}"
         return undecided(message, metric, bound, evidence)
-    slope = coarsened_slope(base, scene, tick)
+    slope = coarsened_slope(base, tick)
     evidence["coarsened_slope"] = slope
     if not slope < JUMP_SLOPE:
         message = f"the IHIP moves {moved}, in one step, and whether finer HIP steps shrink it is not known; {note}"

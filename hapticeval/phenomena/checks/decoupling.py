@@ -16,17 +16,17 @@ from hapticeval.phenomena.measures.surface_motion import (
     SurfaceMotion,
     never_across,
 )
-from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import mm, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far the foot's speed strays from the assigned one while the tool moves across the surface."""
-    base = runs.base
-    motion = SurfaceMotion(base, scene)
+    base = runs.observed(scene)
+    motion = SurfaceMotion(base)
     if motion.footless is not None:
         return undecided(motion.footless)
     distance = np.abs(motion.distance)
@@ -38,7 +38,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     start = float(motion.foot_speed[0])
     if start * (base.time[-1] - base.time[0]) <= SLIDE_SHARE * scene.model.size:
         return undecided(DOES_NOT_SLIDE)
-    remains = richardson_two_level(runs, lambda recording: _speed_deviation(recording, scene))
+    remains = richardson_two_level(runs, scene, _speed_deviation)
     # Judged while the tool moves across: from the start until it is nearly home.
     last = min(int(np.flatnonzero(distance > DIED_OUT_SHARE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
@@ -46,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     metric = CHECK.measured(deviation[tick])
     bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + SHARE_ROUNDING
     evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "largest_distance_m": farthest,
         "moves_across_until_s": float(base.time[last]),
         "foot_speed_at_start_m_s": start,
@@ -65,9 +65,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _speed_deviation(recording: Recording, scene: Scene) -> Array:
+def _speed_deviation(recording: Observed) -> Array:
     """Return |p'| over the assigned one less 1, where b_d alone slows the foot: (n,)."""
-    speed = SurfaceMotion(recording, scene).foot_speed
+    scene = recording.scene
+    speed = SurfaceMotion(recording).foot_speed
     # |p'(t)| = |p'(0)| exp(-b_d t / m)
     assigned = speed[0] * np.exp(-scene.viscosity / scene.mass * (recording.time - recording.time[0]))
     return np.asarray(speed / assigned - 1.0)

@@ -10,12 +10,8 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.sampling import (
-    answered_rounding,
     digits_kept,
-    evidence_at,
-    lacks_ihip,
     mm,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
@@ -24,9 +20,9 @@ from hapticeval.scene import Scene
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the answers of each later lap with those of the second, tick by tick, where a path is repeated."""
-    base, size = runs.base, scene.model.size
-    contact = touching(base, scene)
-    if contact.any() and np.array_equal(base.ihip, base.hip) and not lacks_ihip(base, scene):
+    base, size = runs.observed(scene), scene.model.size
+    contact = base.contact
+    if contact.any() and np.array_equal(base.ihip, base.hip) and not base.lacks_ihip:
         return undecided("the tool is rigid: its force is what the hand pushes then, and no answer to where it is")
     # Three laps at least: the first settles, the second is what later ones are compared with.
     lap_runs = [
@@ -48,7 +44,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         changed = np.maximum(*answers)
         # Points are the same within `PLACE_ROUNDING` only: what that may change of a steep answer is no drift, nor what
         # rounds to another number of single precision.
-        excess = np.maximum(changed - STEEP_FACTOR * hand_changes - answered_rounding(base), 0.0)
+        excess = np.maximum(changed - STEEP_FACTOR * hand_changes - base.answered_rounding, 0.0)
         # Without any drift the tick with the largest change is shown.
         row = worst_row(np.where(excess.max() > 0.0, excess, changed))
         excess_and_change = float(excess.flat[row]), float(changed.flat[row])
@@ -56,7 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             (largest_excess, largest_change), worst, number = excess_and_change, first + period + row, count
     digits = digits_kept(largest_change, size)
     ticks = sum(period * count for _, period, count in lap_runs)
-    evidence = {**evidence_at(base, worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
+    evidence = {**base.evidence_at(worst), "digits": digits, "off_m": largest_change, "laps": number, "ticks": ticks}
     return compared(
         CHECK.measured(largest_excess / size),
         ANSWER_CHANGE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
-from hapticeval.phenomena.sampling import evidence_at, force_floor, worst_row
+from hapticeval.phenomena.sampling import force_floor, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -29,14 +29,14 @@ def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Lead the hand to its largest force, give a HIP that is none, and then the next one of the path."""
-    base, floor = runs.base, force_floor(scene)
+    base, floor = runs.observed(scene), force_floor(scene)
     size = np.linalg.norm(base.force, axis=1)
     tick = worst_row(size[:-1]) + 1
     before = float(size[tick - 1])
     if before <= floor:
         return undecided("the hand feels no force that could stay on")
     answer, after = required(runs.dropped_out)(tick)
-    evidence = {**evidence_at(base, tick), "force_before_N": before, "refused": answer is None}
+    evidence = {**base.evidence_at(tick), "force_before_N": before, "refused": answer is None}
     fault = fault_without_hip(answer, after, floor)
     left = 0.0 if answer is None else float(np.linalg.norm(answer))
     if not np.isfinite(left):

@@ -7,9 +7,10 @@ import numpy as np
 from hapticeval.effects.catalogue import BUMP_MAP, FRICTION, SHADING, STOCHASTIC_TEXTURE
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, force_floor, lacks_ihip, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -19,27 +20,25 @@ BEFORE_FRICTION = (SHADING, BUMP_MAP)
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare what the later of friction and another effect adds to the answer of the earlier one with its law."""
-    base = runs.base
+    base = runs.observed(scene)
     others = scene.answer_effects_except(FRICTION)
     if len(others) != 1 or others[0] not in (*BEFORE_FRICTION, STOCHASTIC_TEXTURE):
         listed_effects = ", ".join((*BEFORE_FRICTION, STOCHASTIC_TEXTURE))
         message = f"it is asked of friction and one of {listed_effects}, not of {others or 'it alone'}"
         return not_applicable(message)
-    if lacks_ihip(base, scene):
+    if base.lacks_ihip:
         return without_ihip(base)
     # The catalogue's order: shading and bump maps, friction, texture.
     first, last = (FRICTION, STOCHASTIC_TEXTURE) if others[0] == STOCHASTIC_TEXTURE else (others[0], FRICTION)
-    plain = required(runs.without)(last)
-    pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
+    plain = Observed(required(runs.without)(last), scene)
+    pressed = base.pressed & plain.pressed
     # A late renderer's queue is not filled before.
     pressed[:LAG_TICKS] = False
     largest = float(np.max(np.abs(base.hip)))
     strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
-    allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
+    allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + base.force_floor
     deviation, added = (
-        _vibration_deviation(base, plain, scene)
-        if last == STOCHASTIC_TEXTURE
-        else _drag_deviation(base, plain, scene, pressed)
+        _vibration_deviation(base, plain) if last == STOCHASTIC_TEXTURE else _drag_deviation(base, plain, pressed)
     )
     if not (pressed & (added > TOLD_APART * allowed)).any():
         return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
@@ -47,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compared(
         CHECK.measured(deviation[worst]),
         float(allowed[worst]),
-        evidence_at(base, worst),
+        base.evidence_at(worst),
         passes=f"the {last} works on what the {first} has made",
         fails=(
             f"the {last} does not work on what the {first} has made: the force is {deviation[worst]:.3g} N off at "
@@ -56,7 +55,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: BoolArray) -> tuple[Array, Array]:
+def _drag_deviation(base: Observed, plain: Observed, pressed: BoolArray) -> tuple[Array, Array]:
     """Return how far the force is off F + K (s - p), and how much K (s - p) is, (n,), N.
 
     F and p are force and IHIP without friction. Of lags between force and IHIP the one counts that fits best.
@@ -65,7 +64,7 @@ def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: Bo
     for lag in range(-LAG_TICKS, LAG_TICKS + 1):
         rows = np.clip(np.arange(len(base)) - lag, 0, len(base) - 1)
         # K (s - p): what friction adds, which draws the IHIP from p to s
-        drag = scene.stiffness * (base.ihip - plain.ihip)[rows]
+        drag = base.scene.stiffness * (base.ihip - plain.ihip)[rows]
         deviation = np.linalg.norm(base.force - plain.force - drag, axis=1)
         fits.append(
             (
@@ -80,10 +79,11 @@ def _drag_deviation(base: Recording, plain: Recording, scene: Scene, pressed: Bo
     return deviation, added
 
 
-def _vibration_deviation(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:
+def _vibration_deviation(base: Observed, plain: Observed) -> tuple[Array, Array]:
     """Return what vibrations add across their direction, with K times how far they move the IHIP, and all they add."""
+    scene = base.scene
     added = base.force - plain.force
-    normal = scene.model.boundary.closest_point(base.ihip).normal
+    normal = base.boundary.closest_point(base.ihip).normal
     across = np.sum(added * normal, axis=1)[:, np.newaxis] * normal
     # What vibrations add beside their own direction is another effect's work.
     aside = added - across if scene.effect(STOCHASTIC_TEXTURE).direction == "normal" else across

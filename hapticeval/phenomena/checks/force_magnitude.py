@@ -11,34 +11,23 @@ import numpy as np
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import TELLING_SHARE, UNDECLARED_RANGE
-from hapticeval.phenomena.measures.lag import over_lag
+from hapticeval.phenomena.lag import over_lag
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
-    declared_range,
-    declares_wide_range,
+    find_pressed_ticks,
     force_coarseness,
     measure_stiffness,
 )
 from hapticeval.phenomena.measures.stiffness_pattern import describe_pattern
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    as_sensed,
-    declares_force_only,
-    evidence_at,
-    force_depth,
-    hand_velocity,
-    lacks_ihip,
-    log_step,
     mm,
     newtons,
-    rounding,
-    standoff,
-    time_and_hip,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -48,83 +37,85 @@ NO_FORCE = "no force above the floor: the tool never presses on the surface"
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the stiffness at every tick in contact, and look for what explains its deviations."""
-    base = as_sensed(runs.base)
-    if lacks_ihip(base, scene):
-        return _without_ihip(base, scene)
-    if not above_force_floor(base, scene).any():
+    base = runs.observed(scene).as_sensed
+    if base.lacks_ihip:
+        return _without_ihip(base)
+    if not base.pressed.any():
         return undecided(NO_FORCE)
     declared = base.meta.get("spring")
-    level = Level.MUST if declared is not None and declared_range(base) is None else Level.SHOULD
+    level = Level.MUST if declared is not None and base.stiffness_range is None else Level.SHOULD
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    if not depths[above_force_floor(base, scene)].any():
+    if not depths[base.pressed].any():
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
     # Where no law is declared: along the error, across the surface, and by size alone, as of normals that are shaded.
     springs = (*Spring, None) if declared is None else (Spring(declared),)
-    measured = [measure_stiffness(base, scene, spring) for spring in springs]
+    pressed_ticks = find_pressed_ticks(base)
+    measured = [measure_stiffness(base, pressed_ticks, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits best.
-    finding = _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
-    if not declares_wide_range(base):
+    finding = _finding(base, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
+    if not base.declares_wide_range:
         return finding
-    softest, stiffest = declared_range(base) or (1.0, 1.0)
+    softest, stiffest = base.stiffness_range or (1.0, 1.0)
     declares = (
         f"it declares a stiffness from {softest:.3g} to {stiffest:.3g} of the scene's, which asks next to nothing"
     )
     return replace(finding, message=f"{finding.message}; {declares}")
 
 
-def _misfit(measured: ApparentStiffness, base: Recording) -> tuple[float, bool, float, float]:
+def _misfit(measured: ApparentStiffness, base: Observed) -> tuple[float, bool, float, float]:
     """Rank how ill a law fits: beyond the declared range, with nothing clear, in more ticks, by a larger excess."""
-    coarse = float(measured.beyond(declared_range(base) or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
+    coarse = float(measured.beyond(base.stiffness_range or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLING_SHARE)
     deviates = clear.excess > 0.0
     fine = float(deviates.mean()) if deviates.size else 0.0, float(clear.excess.max(initial=0.0))
     return max(coarse, 0.0), not deviates.size, *fine
 
 
-def _without_ihip(base: Recording, scene: Scene) -> Finding:
+def _without_ihip(base: Observed) -> Finding:
     """Judge a force without an IHIP against the depth of the HIP under the model, the least that any IHIP could have.
 
     A tool that lags behind is farther away, and makes a larger force of it: only one that is too soft is seen, unless
     it is declared that there is no tool.
     """
-    depth, no_tool = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0), declares_force_only(base)
+    scene = base.scene
+    depth, no_tool = np.maximum(-base.boundary.signed_distance(base.hip), 0.0), base.declares_force_only
     # A force-only renderer must give a force at every depth > 0, and not only where it gives one.
-    ticks = np.flatnonzero(above_force_floor(base, scene) | (no_tool & (depth > 0.0)))
+    ticks = np.flatnonzero(base.pressed | (no_tool & (depth > 0.0)))
     if not ticks.size:
         return undecided(NO_FORCE)
     # Depths (lags, n) that a late force may answer.
     late = over_lag(depth, ticks)
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
-    speed = np.linalg.norm(hand_velocity(base)[ticks], axis=1)
+    speed = np.linalg.norm(base.velocity[ticks], axis=1)
     with np.errstate(divide="ignore"):
         other_depth = (scene.damping * speed + force_coarseness(base, size)) / scene.stiffness
-        allowed = (other_depth + rounding(scene) + 0.5 * log_step(base, "hip") + standoff(base, scene)) / late[0]
+        allowed = (other_depth + base.rounding + 0.5 * base.log_step("hip") + base.standoff) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
     low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
     measured = ApparentStiffness(ticks, shares[0], low, high, allowed, allowed, late[0], rate, begins)
     note = "no IHIP was given: measured against the depth of the HIP under the model"
-    finding = _finding(base, scene, measured.rows(late[0] > 0.0), Level.SHOULD)
+    finding = _finding(base, measured.rows(late[0] > 0.0), Level.SHOULD)
     if finding.outcome is Outcome.PASS and not no_tool:
         message = f"the force is nowhere too small for its depth; {note}, which does not show one that is too large"
         return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message)
     return replace(finding, message=f"{finding.message} ({note})")
 
 
-def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: Level) -> Finding:
+def _finding(base: Observed, measured: ApparentStiffness, level: Level) -> Finding:
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
-    shares = declared_range(base) or UNDECLARED_RANGE
-    outside = _excess_felt(base, scene, measured, measured.beyond(shares, measured.allowed_in_lag))
-    if any(effect.stage is Stage.ANSWER for effect in scene.effects):
+    shares = base.stiffness_range or UNDECLARED_RANGE
+    outside = _excess_felt(base, measured, measured.beyond(shares, measured.allowed_in_lag))
+    if any(effect.stage is Stage.ANSWER for effect in base.scene.effects):
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
     elif outside.size and outside.max() > 0.0:
         worst = worst_row(outside)
         # The bound, as a distance from one: the edge of the range that is left.
         edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
         return replace(
-            _failed_finding(base, scene, measured, outside, worst, edge + float(measured.allowed_in_lag[worst])),
+            _failed_finding(base, measured, outside, worst, edge + float(measured.allowed_in_lag[worst])),
             level=Level.MUST,
         )
     measured = measured.rows(measured.allowed <= TELLING_SHARE)
@@ -133,41 +124,41 @@ def _finding(base: Recording, scene: Scene, measured: ApparentStiffness, level: 
             "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
-    excess = _excess_felt(base, scene, measured, measured.excess)
+    excess = _excess_felt(base, measured, measured.excess)
     worst = worst_row(excess)
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
-        return replace(_failed_finding(base, scene, measured, excess, worst, bound), level=level)
+        return replace(_failed_finding(base, measured, excess, worst, bound), level=level)
     # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
     metric = CHECK.measured(np.maximum(excess + measured.allowed, 0.0)[worst])
-    evidence = _evidence(base, scene, measured, worst)
+    evidence = _evidence(base, measured, worst)
     median = evidence["apparent_stiffness_N_m"]
-    at_deepest = _describe_deepest(evidence, scene)
+    at_deepest = _describe_deepest(evidence, base.scene)
     message = f"the force fits the depth, with an apparent stiffness of {format_number(median)} N/m; {at_deepest}"
     return Finding(Outcome.PASS, message, metric, bound, evidence, level)
 
 
-def _excess_felt(base: Recording, scene: Scene, measured: ApparentStiffness, excess: Array) -> Array:
+def _excess_felt(base: Observed, measured: ApparentStiffness, excess: Array) -> Array:
     """Return an `excess` (n,) that is none where depth and force are both below the floor, and nothing is felt."""
-    felt = above_force_floor(base, scene)[measured.ticks] | (measured.depth > force_depth(scene))
+    felt = base.pressed[measured.ticks] | (measured.depth > base.force_depth)
     return np.where(felt, excess, np.minimum(excess, 0.0))
 
 
-def _evidence(base: Recording, scene: Scene, measured: ApparentStiffness, worst: int) -> dict[str, Any]:
+def _evidence(base: Observed, measured: ApparentStiffness, worst: int) -> dict[str, Any]:
     """Return as evidence the spread of the apparent stiffness (N/m), and force and depth where it is deepest."""
     inner = measured.rows(~measured.begins) if not measured.begins.all() else measured
-    low, median, high = (scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
+    low, median, high = (base.scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
     deepest = worst_row(measured.depth)
     size, depth = float(np.linalg.norm(base.force[measured.ticks[deepest]])), float(measured.depth[deepest])
     return {
-        **evidence_at(base, int(measured.ticks[worst])),
+        **base.evidence_at(int(measured.ticks[worst])),
         "apparent_stiffness_N_m": median,
         "stiffness_05_N_m": low,
         "stiffness_95_N_m": high,
         "samples": int(measured.ticks.size),
         "force_N": size,
         "depth_m": depth,
-        "depth_asked_m": size / scene.stiffness,
+        "depth_asked_m": size / base.scene.stiffness,
     }
 
 
@@ -178,18 +169,17 @@ def _describe_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
     )
 
 
-def _failed_finding(
-    base: Recording, scene: Scene, measured: ApparentStiffness, excess: Array, worst: int, bound: float
-) -> Finding:
+def _failed_finding(base: Observed, measured: ApparentStiffness, excess: Array, worst: int, bound: float) -> Finding:
+    scene = base.scene
     tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
-    evidence = _evidence(base, scene, measured, worst)
-    pattern, numbers = describe_pattern(base, scene, measured, excess > 0.0)
+    evidence = _evidence(base, measured, worst)
+    pattern, numbers = describe_pattern(base, measured, excess > 0.0)
     names = ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m")
     low, median, high = (format_number(evidence[name]) for name in names)
     force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
     message = (
         f"{pattern}: an apparent stiffness of {format_number(scene.stiffness * share)} N/m at "
-        f"{time_and_hip(base, tick)} (tick {tick}: {newtons(force)} at {mm(depth)}), of {median} in the median, and "
+        f"{base.time_and_hip(tick)} (tick {tick}: {newtons(force)} at {mm(depth)}), of {median} in the median, and "
         f"from {low} to {high} in nine tenths of the samples, for the scene's {scene.stiffness:g}; "
         f"{_describe_deepest(evidence, scene)}"
     )

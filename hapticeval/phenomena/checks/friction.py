@@ -25,20 +25,21 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
+from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag
 from hapticeval.phenomena.measures.friction_check import HAND, LAWS_OF_SPEED, check_of_friction
-from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, largest_in_lag
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surface, ihip_rounding, viscous_coefficient
-from hapticeval.phenomena.sampling import evidence_at, listed, steps_to, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import listed, steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
 
 def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare |F_t| with mu_s F_n at every tick."""
-    base, friction = runs.base, scene.effect(FRICTION)
+    base, friction = runs.observed(scene), scene.effect(FRICTION)
     # |F_t| less what the scene's dampers and rounding may make of it.
     least_tangential = surface_force.tangential_size - surface_force.open_force
     limit = friction.mu_s * np.maximum(surface_force.normal_force, 0.0)
@@ -56,7 +57,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         FRICTION_CONE.measured(share),
         1.0 + LENGTH_ROUNDING,
         {
-            **evidence_at(base, worst),
+            **base.evidence_at(worst),
             "normal_N": float(surface_force.normal_force[worst]),
             "tangential_N": float(surface_force.tangential_size[worst]),
         },
@@ -82,10 +83,10 @@ FRICTION_CONE = check_of_friction(
 
 def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the force along the surface with mu_s F_n (4.18) where a tool that stuck begins to slide."""
-    base, friction = runs.base, scene.effect(FRICTION)
+    base, friction = runs.observed(scene), scene.effect(FRICTION)
     # A tool that slides sticks again at the share `stick` of the kinetic cone, and may slide above that: below it, and
     # below what any friction holds, it has surely stuck. `slips` are the ticks in which it then begins to slide.
-    slips = _break_away_ticks(base, surface_force, scene, min(STICKING_SHARE, friction.stick) * friction.mu_k)
+    slips = _break_away_ticks(base, surface_force, min(STICKING_SHARE, friction.stick) * friction.mu_k)
     # 1 on the edge of the static cone (4.18)
     share = surface_force.share_of_cone(friction.mu_s)
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
@@ -113,7 +114,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     return compared(
         FRICTION_BREAK_AWAY.measured(max(float(shortfall[worst]), 0.0)),
         float(allowed[worst]),
-        {**evidence_at(base, tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
+        {**base.evidence_at(tick), "reached": reached, "slips": int(np.count_nonzero(clear))},
         passes=(
             f"a tool that sticks is held up to mu_s = {friction.mu_s:g}: it slides from {reached:.3g} times the force "
             "across the surface on"
@@ -125,7 +126,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     )
 
 
-def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene, surely: float) -> IntArray:
+def _break_away_ticks(base: Observed, surface_force: SurfaceForce, surely: float) -> IntArray:
     """Return the ticks in which a tool that has stuck begins to slide, away from corners.
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.
@@ -137,7 +138,7 @@ def _break_away_ticks(base: Recording, surface_force: SurfaceForce, scene: Scene
     moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
     sticks = surface_force.tangential_size <= surely * surface_force.normal_force
     # At a corner the tool may change its face: there a step is no slip.
-    near = _by_a_corner(base, scene, length + rounding)
+    near = _by_a_corner(base, length + rounding)
     ticks = np.flatnonzero(moves)
     return np.array(
         [
@@ -174,7 +175,7 @@ class _Creep(NamedTuple):
 
 def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
-    base, friction = runs.base, scene.effect(FRICTION)
+    base, friction = runs.observed(scene), scene.effect(FRICTION)
     pulled = surface_force.share_of_cone(friction.mu_k)
     sticks = (surface_force.normal_force > 0.0) & (pulled <= STICKING_SHARE)
     creeps = []
@@ -199,7 +200,7 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
         FRICTION_STICKING.measured(worst.speed),
         CREEP_SPEED,
         {
-            **evidence_at(base, worst.first),
+            **base.evidence_at(worst.first),
             "to_time": float(base.time[worst.stop - 1]),
             "to_ihip": listed(base.ihip[worst.stop - 1]),
             "drift_m": worst.distance,
@@ -226,14 +227,14 @@ FRICTION_STICKING = check_of_friction(
 
 def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion (4.20)."""
-    base = runs.base
+    base = runs.observed(scene)
     friction = scene.effect(FRICTION)
     # The slip ds of a tick, along the surface.
     step = along_surface(np.diff(base.ihip, axis=0, prepend=base.ihip[:1]), surface_force.unit_normals)
     length = np.linalg.norm(step, axis=1)
     # (4.20): F_t = -mu_k F_n ds / |ds|
     braking = friction.mu_k * surface_force.normal_force
-    shape = scene.model.boundary.closest_point(base.ihip).shape
+    shape = base.boundary.closest_point(base.ihip).shape
     bend, twist = _curvature(shape)
     rounding = ihip_rounding(base)
     # How far, m, the HIP may lie from the IHIP along the surface: the slip and the spring's length.
@@ -248,7 +249,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
     slides = np.roll(surface_force.pressed, 1) & (braking > 0.0) & (allowed <= TELLING_SHARE)
     slides[0] = False
     # A slip over a corner has two directions.
-    slides &= ~_by_a_corner(base, scene, length + rounding)
+    slides &= ~_by_a_corner(base, length + rounding)
     ticks = np.flatnonzero(slides)
     if ticks.size < SLIDING_TICKS:
         return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
@@ -265,7 +266,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
         FRICTION_SLIDING.measured(deviation[worst]),
         float(allowed[worst]),
         {
-            **evidence_at(base, worst),
+            **base.evidence_at(worst),
             "against_N": against,
             "asked_N": float(braking[worst]),
             "normal_N": float(surface_force.normal_force[worst]),
@@ -300,17 +301,17 @@ FRICTION_SLIDING = check_of_friction(
 )
 
 
-def _by_a_corner(base: Recording, scene: Scene, within: Array) -> BoolArray:
+def _by_a_corner(base: Observed, within: Array) -> BoolArray:
     """Return where the IHIP is `within` so far (n,), m, of a corner: (n,)."""
     near = np.zeros(len(base), dtype=bool)
-    for corner in scene.model.boundary.corners:
+    for corner in base.boundary.corners:
         near |= np.linalg.norm(base.ihip - corner.position, axis=1) <= within
     return near
 
 
 def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the force along the surface with that of the law at every tick in contact."""
-    base = runs.base
+    base = runs.observed(scene)
     if any(effect.stage is Stage.SENSE for effect in scene.effects):
         return undecided("the renderer answers the speed that its sensors show, and not the hand's")
     (kind,) = (effect.kind for effect in scene.effects if effect.kind in LAWS_OF_SPEED)
@@ -321,7 +322,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
         tangential_force = tangential_force - along_surface(plain, surface_force.unit_normals)
     # What the queue of a late renderer begins with is not of the law.
     judged = surface_force.pressed & (np.arange(len(base)) >= LAG_TICKS)
-    law_force = _law_force(base, surface_force, scene)
+    law_force = _law_force(base, surface_force)
     straight = law_force(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
     # What dampers add is open elsewhere. The one damper here is the law itself, which is asked: rounding is left.
@@ -356,21 +357,21 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     return compared(
         FRICTION_FORCE.measured(deviation[worst]),
         float(doubt[worst]),
-        {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
+        {**base.evidence_at(worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
         passes=f"the force along the surface is that of the {kind} in every tick",
         fails=f"the force along the surface is another than the law's: {what}",
     )
 
 
-def _law_force(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Callable[[float, int], Array]:
+def _law_force(base: Observed, surface_force: SurfaceForce) -> Callable[[float, int], Array]:
     """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick: see `lugre_force`."""
-    lugre = scene.effect(LUGRE)
+    lugre = base.scene.effect(LUGRE)
     rows = np.arange(len(base), dtype=np.int64)
 
     def at_lag(lag: float, parts: int) -> Array:
         velocity = delayed(surface_force.velocity, rows, lag) if lag else surface_force.velocity
         if lugre is None:
-            return viscous_coefficient(scene) * velocity
+            return viscous_coefficient(base.scene) * velocity
         return lugre_force(lugre, replace(surface_force, velocity=velocity), base.dt, parts)
 
     return at_lag

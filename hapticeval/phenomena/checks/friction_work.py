@@ -13,17 +13,18 @@ from hapticeval.phenomena.measures.closed_paths import contact_spans, later_laps
 from hapticeval.phenomena.measures.friction_check import FRICTIONS, HAND, check_of_friction
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surface, viscous_coefficient
-from hapticeval.phenomena.sampling import evidence_at, touching, worst_of, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
 def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the work that the hand gets since free space with what holding the force may give."""
-    base = runs.base
-    free = ~touching(base, scene)
+    base = runs.observed(scene)
+    free = ~base.contact
     # Each begins with the last free row before a contact: there nothing is stored.
     spans = contact_spans(free)
     if not spans:
@@ -63,7 +64,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     return compared(
         FRICTION_ENERGY.measured(gain),
         granted,
-        {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
+        {**base.evidence_at(worst[1]), "from_time": float(base.time[worst[0]])},
         passes=f"the hand gets no more than a held spring gives: {what}",
         fails=f"gives energy away: the hand gets {what}",
     )
@@ -95,7 +96,7 @@ class _LapWork(NamedTuple):
 
 def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding:
     """Compare the hand's work over each lap after the first with the work of the friction's law."""
-    base = runs.base
+    base = runs.observed(scene)
     spans = [
         (start, stop)
         for start, stop in later_laps(base.hip, scene.model.size)
@@ -107,8 +108,8 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     # Work of the hand by the trapezoid: -F . dx
     mean = 0.5 * (base.force[1:] + base.force[:-1])
     put_in = -np.sum(mean * moved, axis=1)
-    dissipated, doubt = _dissipated_work(base, surface_force, scene, moved)
-    stored = _stored_energy(base, surface_force, scene)
+    dissipated, doubt = _dissipated_work(base, surface_force, moved)
+    stored = _stored_energy(base, surface_force)
     lap_works = []
     for start, stop in spans:
         law_work = float(dissipated[start:stop].sum())
@@ -128,7 +129,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         FRICTION_WORK.measured(worst.deviation),
         worst.allowed,
         {
-            **evidence_at(base, worst.stop),
+            **base.evidence_at(worst.stop),
             "from_time": float(base.time[worst.start]),
             "work_J": worst.work,
             "law_J": worst.law_work,
@@ -139,8 +140,9 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     )
 
 
-def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene, moved: Array) -> tuple[Array, Array]:
+def _dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
+    scene = base.scene
     dissipated = np.zeros(len(moved))
     # A force that is off by so much between two ticks, over the way of tool and hand.
     travelled = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
@@ -173,8 +175,9 @@ def _dissipated_work(base: Recording, surface_force: SurfaceForce, scene: Scene,
     return dissipated, doubt
 
 
-def _stored_energy(base: Recording, surface_force: SurfaceForce, scene: Scene) -> Array:
+def _stored_energy(base: Observed, surface_force: SurfaceForce) -> Array:
     """Return the elastic energy of the spring between tool and hand at each tick, F^2 / (2 K): (n,), J."""
+    scene = base.scene
     if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
     # Of F_t the spring's: viscous friction takes, and stores nothing.

@@ -9,21 +9,19 @@ import numpy as np
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
-from hapticeval.phenomena.measures.stiffness import declared_range
-from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the momentum along the normal that the first ticks of contact take out with (3.5)."""
-    base = runs.base
-    unsettled = open_loop_reason(base)
+    base = runs.observed(scene)
+    unsettled = base.open_loop_reason
     if unsettled is not None:
         return undecided(unsettled)
-    contact = touching(base, scene)
+    contact = base.contact
     struck = int(np.argmax(contact))
     if not contact.any():
         return undecided("the tool does not fly freely into the surface")
@@ -32,17 +30,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     end = struck + WINDOW_TICKS
     if end >= len(base):
         return undecided("the recording ends with the collision")
-    frame = scene.model.boundary.closest_point(base.ihip[struck : struck + 1])
+    frame = base.boundary.closest_point(base.ihip[struck : struck + 1])
     normal = frame.normal[0]
     along = base.velocity @ normal
     # v . n_e at the sample before the contact acts, positive into the surface, m/s
     approach = -float(along[struck])
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
-    window = scene.model.boundary.closest_point(base.ihip[struck : end + 1])
-    if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(
-        base, scene, normal, struck, end
-    ):
+    window = base.boundary.closest_point(base.ihip[struck : end + 1])
+    if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(base, normal, struck, end):
         return not_applicable(f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact")
     # (3.5): (1 + c_r) m (v . n_e), N s
     required = (1.0 + scene.restitution) * scene.mass * approach
@@ -50,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pushed = float(np.sum(impulses[struck:end]))
     # m dv along the normal, less what the operator has given in that time.
     removed = scene.mass * float(along[end] - along[struck]) - pushed
-    turning = _speed_by_turning(base, scene, window, slice(struck, end + 1))
+    turning = _speed_by_turning(base, window, slice(struck, end + 1))
     # What the operator adds before the tool is met is part of what has to be taken out.
     before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
     slower, faster = ((1.0 + scene.restitution) * impulse for impulse in (before[1], -before[0]))
@@ -63,7 +59,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
     evidence: dict[str, object] = {
-        **evidence_at(base, struck),
+        **base.evidence_at(struck),
         "approach_speed_m_s": approach,
         "impulse_wanted_Ns": required,
         "impulse_in_window_Ns": removed,
@@ -72,7 +68,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     if removed > required:
         # What (3.5) does not ask for, a spring that is pressed already may give.
-        evidence["spring_impulse_Ns"] = _spring_impulse(base, scene, normal, slice(struck, end))
+        evidence["spring_impulse_Ns"] = _spring_impulse(base, normal, slice(struck, end))
     message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
     left = np.flatnonzero(~contact[struck:])
@@ -82,13 +78,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + left[0]] - along[struck])
         fails += f" and leaves with restitution {leaving / approach:.2f}"
         if leaving > approach:
-            fails += f" (a spring's force that is held for a tick gives {_restitution_of_held_spring(base, scene):.2f})"
+            fails += f" (a spring's force that is held for a tick gives {_restitution_of_held_spring(base):.2f})"
     return compared(
         CHECK.measured(missing), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
     )
 
 
-def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: int, end: int) -> bool:
+def _meets_another_face(base: Observed, normal: Array, struck: int, end: int) -> bool:
     """Return whether a force in the window is normal to the surface within the tool's step, and not along `normal`.
 
     `normal` is (N,), of unit length. So it is in a notch, of whose end either face has the normal.
@@ -100,11 +96,11 @@ def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: in
     if rows.size == 0:
         return False
     steps = np.linalg.norm(base.ihip[rows + 1] - base.ihip[rows], axis=1)
-    angles = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
+    angles = base.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
     return bool(np.any(np.cos(angles) >= SAME_FACE_COSINE))
 
 
-def _speed_by_turning(base: Recording, scene: Scene, surface: ClosestPoint, rows: slice) -> float:
+def _speed_by_turning(base: Observed, surface: ClosestPoint, rows: slice) -> float:
     """Return by how much (m/s) a turning normal alone may change the velocity along it in `rows`, from the first on.
 
     `surface` is where the tool is in each of them. By curvature over the window, or over a facet by the sliding speed
@@ -119,19 +115,19 @@ def _speed_by_turning(base: Recording, scene: Scene, surface: ClosestPoint, rows
     if "operator_force" in base.channels:
         # The operator's force, too, has another normal part when the normal turns.
         push = np.linalg.norm(base.channels["operator_force"][rows][:-1], axis=1)
-        turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
+        turning += float(np.sum(push)) * base.dt * float(turn.max()) / base.scene.mass
     return turning
 
 
-def _restitution_of_held_spring(base: Recording, scene: Scene) -> float:
+def _restitution_of_held_spring(base: Observed) -> float:
     """Return the restitution that a spring shows whose force is held for a tick T.
 
     It is late by T / 2: a damper of -K T / 2, over half a period pi sqrt(m / K).
     """
-    return math.exp(0.25 * math.pi * base.dt * math.sqrt(scene.stiffness / scene.mass))
+    return math.exp(0.25 * math.pi * base.dt * math.sqrt(base.scene.stiffness / base.scene.mass))
 
 
-def _spring_impulse(base: Recording, scene: Scene, normal: Array, rows: slice) -> float:
+def _spring_impulse(base: Observed, normal: Array, rows: slice) -> float:
     """Return the impulse, N s, along a unit `normal` (N,), that the scene's spring and damper give in `rows`.
 
     J = sum of (K d + D max(-v_n, 0)) dt by the depths d in them, each held for a tick; K is the stiffest declared.
@@ -139,20 +135,20 @@ def _spring_impulse(base: Recording, scene: Scene, normal: Array, rows: slice) -
     A spring that is pressed by d0 when the contact counts begins at K d0 and not at zero, and one that turns the tool
     round within the window takes out more than m v_n.
     """
-    _, stiffest = declared_range(base) or (1.0, 1.0)
+    _, stiffest = base.stiffness_range or (1.0, 1.0)
     depths = np.maximum((base.ihip[rows] - base.hip[rows]) @ normal, 0.0)
     inwards = np.maximum(-base.velocity[rows] @ normal, 0.0)
-    return float(np.sum(stiffest * scene.stiffness * depths + scene.damping * inwards)) * base.dt
+    return float(np.sum(stiffest * base.scene.stiffness * depths + base.scene.damping * inwards)) * base.dt
 
 
-def _operator_impulses(recording: Recording, normal: Array) -> Array:
+def _operator_impulses(recording: Observed, normal: Array) -> Array:
     """Return the operator's impulse along a unit `normal` (N,) in each tick, (n,), N s, outwards."""
     if "operator_force" not in recording.channels:
         return np.zeros(len(recording))
     return np.asarray(recording.channels["operator_force"] @ normal) * recording.dt
 
 
-def _operator_until_met(recording: Recording, impulses: Array, struck: int) -> tuple[float, float]:
+def _operator_until_met(recording: Observed, impulses: Array, struck: int) -> tuple[float, float]:
     """Return the least and the largest impulse (N s, outwards) of the operator between sample `struck` and the contact.
 
     A rigid tool is met within the tick after it: before, the operator pushes as in the tick before, and as the change

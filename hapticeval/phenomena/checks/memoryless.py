@@ -9,18 +9,13 @@ import numpy as np
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    evidence_at,
-    hip_step,
-    lacks_ihip,
     listed,
     mm,
-    position_tolerance,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
@@ -29,27 +24,27 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points (Table 6.3)."""
     from scipy.spatial import cKDTree
 
-    base, reversed_run = runs.base, required(runs.reverse)()
-    if lacks_ihip(base, scene):
+    base, reversed_run = runs.observed(scene), Observed(required(runs.reverse)(), scene)
+    if base.lacks_ihip:
         return without_ihip(base)
     # For each HIP the nearest one of the way back; the sampled points need not be the same.
     distance, match = map(np.asarray, cKDTree(reversed_run.hip).query(base.hip))
-    contact = touching(base, scene) | touching(reversed_run, scene)[match]
+    contact = base.contact | reversed_run.contact[match]
     answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(reversed_run) - LAG_TICKS)
     # Within a HIP step, in contact on either path, and with the rows in which a late answer may stand.
-    common = np.flatnonzero((distance <= hip_step(base, scene)) & contact & answered)
+    common = np.flatnonzero((distance <= base.hip_step) & contact & answered)
     if common.size == 0:
         return undecided("no HIP in contact is reached along both paths")
     answer_distances, other = _closest_answers(base, reversed_run, common, match[common])
     worst = worst_row(answer_distances)
     metric = CHECK.measured(answer_distances[worst])
-    bound = position_tolerance(base, scene)
+    bound = base.position_tolerance
     share = float(np.mean(answer_distances > bound))
     finding = compared(
         metric,
         bound,
         {
-            **evidence_at(base, int(common[worst])),
+            **base.evidence_at(int(common[worst])),
             "ihip_other_path": listed(reversed_run.ihip[other[worst]]),
             "hips_compared": int(common.size),
             "share_apart": share,
@@ -64,7 +59,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _closest_answers(
-    base: Recording, reversed_run: Recording, common: IntArray, match: IntArray
+    base: Observed, reversed_run: Observed, common: IntArray, match: IntArray
 ) -> tuple[Array, IntArray]:
     """Return how far apart the answers to one HIP are on the two paths, (n,), m, and the row of the other's closest.
 

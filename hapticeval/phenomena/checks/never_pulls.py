@@ -8,44 +8,39 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.measures.lag import force_lag, largest_in_lag
+from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    believed_standoff,
-    evidence_at,
-    force_floor,
-    rounding,
     steps_to,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
-def find_outward(recording: Recording, scene: Scene) -> Array:
+def find_outward(recording: Observed) -> Array:
     """Return the unit vector from the hand to its contact point in each row, (n, N); the normal where both are one."""
-    normal = scene.model.boundary.closest_point(recording.hip).normal
+    normal = recording.boundary.closest_point(recording.hip).normal
     if "ihip" not in recording.channels:
         return normal
     stretch = recording.ihip - recording.hip
     length = np.linalg.norm(stretch, axis=1, keepdims=True)
-    return np.where(length > rounding(scene), stretch / np.where(length > 0.0, length, 1.0), normal)
+    return np.where(length > recording.rounding, stretch / np.where(length > 0.0, length, 1.0), normal)
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Find the largest part of the force that draws the hand away from its contact point, deeper in."""
-    base = runs.base
-    rows = np.flatnonzero(above_force_floor(base, scene) & (scene.model.boundary.signed_distance(base.hip) < 0.0))
+    base = runs.observed(scene)
+    rows = np.flatnonzero(base.pressed & (base.boundary.signed_distance(base.hip) < 0.0))
     if rows.size == 0:
         return undecided("the hand never feels a force inside of the model")
-    outward = find_outward(base, scene)
+    outward = find_outward(base)
     pull = np.maximum(-np.sum(base.force * outward, axis=1), 0.0)
-    lag = force_lag(base, scene)
+    lag = base.force_lag
     # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
     moved = lag * largest_in_lag(steps_to(base.hip))
-    allowed = force_floor(scene) + scene.stiffness * (2.0 * moved + rounding(scene) + believed_standoff(base, scene))
+    allowed = base.force_floor + scene.stiffness * (2.0 * moved + base.rounding + base.believed_standoff)
     worst = int(rows[worst_row((pull - allowed)[rows])])
     # How fast the hand goes outwards, m/s: (n,).
     leaving = np.sum(np.gradient(base.hip, base.time, axis=0) * outward, axis=1)
@@ -56,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     finding = compared(
         metric,
         float(allowed[worst]),
-        {**evidence_at(base, worst), "leaving_m_s": speed, "lag_ticks": lag},
+        {**base.evidence_at(worst), "leaving_m_s": speed, "lag_ticks": lag},
         passes="the force never draws the hand in",
         fails=f"the force draws the hand in by {metric.value:.3g} N {where}"
         + (": a damper that is not clipped does that" if speed > 0.0 else ""),

@@ -25,20 +25,13 @@ from hapticeval.phenomena.measures.restated import (
     has_answer,
     steepness,
 )
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
     digits_kept,
-    evidence_at,
-    hip_steps,
-    lacks_ihip,
-    lingering,
     mm,
-    rounding,
-    time_and_hip,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -56,30 +49,28 @@ def motions(scene: Scene) -> tuple[tuple[str, Motion], ...]:
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same in the scene moved, beside what the rounding of the hand's position explains."""
-    base, moved = runs.base, required(runs.moved)
-    contact = _in_contact(base, scene)
+    base, moved = runs.observed(scene), required(runs.moved)
+    contact = _in_contact(base)
     if not contact.any():
         return undecided("the hand never touches the model")
     size = scene.model.size
     # Each run comes back moved back, so that rows compare as they are.
     moved_runs = [(name, motion, moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
-    answering_runs = [(name, motion, run) for name, motion, run in moved_runs if run is not None]
+    answering_runs = [(name, motion, Observed(run, scene)) for name, motion, run in moved_runs if run is not None]
     if not answering_runs:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")
     hips = base.hip[contact]  # a hand in free space may be as far away as centres of curvature are
     farthest = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in answering_runs)
     # Moved coordinates are rounded where they are; moved back, that is divided by the scale.
     hand = HAND_ROUNDING * max(farthest, float(np.abs(hips).max()))
-    declared = declared_lengths((base, *(run for *_, run in answering_runs)), scene)
+    declared = declared_lengths((base, *(run for *_, run in answering_runs)))
 
-    def apart_in_motions(nudged: Runs) -> Array:
-        """Return how far the answers in each motion are from the base run's, (motions, n), m."""
+    def apart_in_motions(nudged: Observed) -> Array:
+        """Return how far the answers in each motion are from those of a `nudged` run, (motions, n), m."""
         # Under a scale the IHIPs alone are compared.
-        return np.array(
-            [answers_apart(nudged, run, scene, forces=motion.scale == 1.0) for _, motion, run in answering_runs]
-        )
+        return np.array([answers_apart(nudged, run, forces=motion.scale == 1.0) for _, motion, run in answering_runs])
 
-    apart = apart_in_motions(runs)
+    apart = apart_in_motions(base)
     # The worst of all motions.
     change = apart.max(axis=0)
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
@@ -91,7 +82,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
         change = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
     # An IHIP that is off the surface in every motion alike is no less wrong.
-    off_model = _distance_off_model(base, scene, contact)
+    off_model = _distance_off_model(base, contact)
     change = np.maximum(change, off_model)
     # Rows beside a discontinuity tell nothing of digits: nudges change their answers by more than tenfold.
     clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
@@ -111,7 +102,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         CHECK.measured(excess.max()),
         ANSWER_CHANGE,
         {
-            **evidence_at(base, worst),
+            **base.evidence_at(worst),
             "digits": digits,
             "off_m": float(change[worst]),
             "rounding_m": float(hand),
@@ -124,7 +115,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
         f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
         fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
-        f"the model's size, at {time_and_hip(base, worst)}: "
+        f"the model's size, at {base.time_and_hip(worst)}: "
         f"{math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
     )
 
@@ -133,31 +124,31 @@ def _words_listed(names: list[str]) -> str:
     return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-def _in_contact(base: Recording, scene: Scene) -> BoolArray:
+def _in_contact(base: Observed) -> BoolArray:
     """Return the rows (n,) in contact, or with an answer to compare of a hand on the surface up to rounding."""
-    near = np.asarray(scene.model.boundary.signed_distance(base.hip) <= rounding(scene))
-    return touching(base, scene) | (has_answer(base) & near)
+    near = np.asarray(base.boundary.signed_distance(base.hip) <= base.rounding)
+    return base.contact | (has_answer(base) & near)
 
 
-def _distance_off_model(base: Recording, scene: Scene, contact: BoolArray) -> Array:
+def _distance_off_model(base: Observed, contact: BoolArray) -> Array:
     """Return how far (n,), m, the IHIP lies off the model in `contact` (n,); 0 elsewhere, and where there is none."""
     off_model = np.zeros(len(base))
-    if not lacks_ihip(base, scene):
+    if not base.lacks_ihip:
         # Where a late force alone is left of a contact there is no contact point.
-        contact = contact & ~lingering(base, scene)
-        off_model[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
+        contact = contact & ~base.lingering
+        off_model[contact] = np.abs(base.boundary.signed_distance(base.ihip[contact]))
         # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
         flies = np.all(base.ihip == base.hip, axis=1)
-        ahead = np.append(hip_steps(base), _step_behind(base, scene))
+        ahead = np.append(base.hip_steps, _step_behind(base))
         off_model[flies] = np.maximum(off_model[flies] - ahead[flies], 0.0)
     return off_model
 
 
-def _step_behind(base: Recording, scene: Scene) -> float:
+def _step_behind(base: Observed) -> float:
     """Return how far the tool gets behind the last sample at the most, m: its last step, and what the push adds."""
-    step = float(hip_steps(base)[-1:].sum())
+    step = float(base.hip_steps[-1:].sum())
     if "operator_force" in base.channels:
-        step += base.dt**2 * float(np.linalg.norm(base.channels["operator_force"][-1])) / scene.mass
+        step += base.dt**2 * float(np.linalg.norm(base.channels["operator_force"][-1])) / base.scene.mass
     return step
 
 

@@ -8,15 +8,15 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.measures.refinement import richardson_two_level
 from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SurfaceMotion
-from hapticeval.phenomena.sampling import evidence_at, mm, worst_row
+from hapticeval.phenomena.sampling import mm, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.scene import Scene
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the largest distance from the surface that faster sampling does not remove."""
-    base = runs.base
-    motion = SurfaceMotion(base, scene)
+    base = runs.observed(scene)
+    motion = SurfaceMotion(base)
     if not motion.starts_on_surface:
         return undecided("the tool does not start on the surface with a speed along it")
     if motion.pushed.any():
@@ -24,7 +24,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or DOES_NOT_SLIDE)
     # Problem 7.1 (b): n(0) = n'(0) = 0 implies n(t) = 0. What shrinks with the tick is the sampling's.
-    remains = richardson_two_level(runs, lambda recording: SurfaceMotion(recording, scene).distance)
+    remains = richardson_two_level(runs, scene, lambda run: SurfaceMotion(run).distance)
     distance = np.abs(remains.values)
     tick = worst_row(distance)
     # m kappa v^2 / K_p: what a law without a centripetal term would stand off.
@@ -33,7 +33,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = remains.change if remains.settled else motion.held_distance()
     bound += motion.sensor_error + EXTRAPOLATION_ROUNDING * scene.model.size
     evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "distance_at_this_sampling_m": float(np.max(np.abs(motion.distance))),
         "settled_by_refinement": remains.settled,
         "m_kappa_v2_over_K_m": cost,

@@ -12,11 +12,12 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FINER_RATES, MOST_LAPS, SINGLE_ROUNDINGS, UNDECLARED_RANGE
+from hapticeval.phenomena.lag import force_only_lag
 from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork, contact_spans, laps, running_sums
 from hapticeval.phenomena.measures.gained_work import Gain, Span, gain_over, stored_before
-from hapticeval.phenomena.measures.lag import force_lag, force_only_lag, with_nearest_points
-from hapticeval.phenomena.measures.stiffness import declared_range, declares_wide_range, largest_other_force
-from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching, worst_of, worst_row
+from hapticeval.phenomena.measures.stiffness import largest_other_force
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import mm, worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.energy_balance import balance
@@ -44,7 +45,7 @@ class AtOwnRate:
         return self.work - self.explained
 
 
-def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
+def explained_work(base: Observed, lag: float) -> Array:
     """Return what a spring and a damper give the hand for being held and late, J from the first row to each, (n,).
 
     Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is.
@@ -56,18 +57,19 @@ def explained_work(base: Recording, scene: Scene, lag: float) -> Array:
       as it may be at most.
     - A stiffness that is declared to vary, with K within its range, changes the force by |dK| |x - p| as well.
     """
+    scene = base.scene
     error, moved = base.hip - base.ihip, np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
-    touches = touching(base, scene)
+    touches = base.contact
     # As stiff as `force-magnitude` lets it be.
     along_error, full_spring = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
-    declared = declared_range(base)
+    declared = base.stiffness_range
     softest, stiffest = declared or (1.0, UNDECLARED_RANGE[1])
     # K / K_p = -F . e / (K_p e^2), within what is declared
     share = np.clip(
         np.divide(along_error, full_spring, out=np.ones_like(along_error), where=full_spring > 0.0), softest, stiffest
     )
     other_force = base.force + (scene.stiffness * share)[:, np.newaxis] * error
-    largest_other = largest_other_force(base, scene)
+    largest_other = largest_other_force(base)
     size = np.linalg.norm(other_force, axis=1)
     # G is cut to the largest that a damper and the curvature may give.
     other_force *= np.divide(np.minimum(size, largest_other), size, out=np.zeros_like(size), where=size > 0.0)[
@@ -95,26 +97,24 @@ def _largest_of_recent(values: Array, ticks: int) -> Array:
     return np.asarray(np.max(later, axis=0))
 
 
-def _at_own_rate(
-    base: Recording, sampled: SampledWork, scene: Scene, closed_paths: list[ClosedPath]
-) -> AtOwnRate | None:
+def _at_own_rate(base: Observed, sampled: SampledWork, closed_paths: list[ClosedPath]) -> AtOwnRate | None:
     """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
 
     A scene's effects have laws of their own, and a stiffness that varies by much may have any slope.
     """
-    if scene.effects or declares_wide_range(base) or "ihip" not in base.channels:
+    if base.scene.effects or base.declares_wide_range or "ihip" not in base.channels:
         return None
-    alone = lacks_ihip(base, scene)
+    alone = base.lacks_ihip
     # Of a force alone the surface's nearest point shows how stiff and how late it is.
-    base = with_nearest_points(base, scene) if alone else base
-    lag = float(force_only_lag(base, scene)) if alone else force_lag(base, scene)
-    work, explained = sampled.held, explained_work(base, scene, lag) + _rounding_work(base, sampled, scene)
+    base = base.with_nearest_points if alone else base
+    lag = float(force_only_lag(base.recording, base.pressed)) if alone else base.force_lag
+    work, explained = sampled.held, explained_work(base, lag) + _rounding_work(base, sampled)
 
     def largest(span: Span) -> AtOwnRate:
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
         last = int(span.ends[worst_row((work - explained)[span.ends])])
         gained, granted = (float(sums[last] - sums[span.first]) for sums in (work, explained))
-        return AtOwnRate(span, last, gained, granted + stored_before(base, span, scene), lag)
+        return AtOwnRate(span, last, gained, granted + stored_before(base, span), lag)
 
     # Of each closed path the span that gains least.
     gains = [worst_of([largest(span) for span in spans], lambda gain: -gain.excess) for spans in closed_paths]
@@ -129,7 +129,7 @@ def active_by_nature(scene: Scene) -> str | None:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Ask whether the hand gets work out of a path that closes, at the start and end of which the same is stored."""
     active = active_by_nature(scene)
-    finding = _judge_fixed(runs.base) if runs.refine is None else _judge_spending(runs, runs.refine, scene)
+    finding = _judge_fixed(runs.observed(scene)) if runs.refine is None else _judge_spending(runs, runs.refine, scene)
     if active is None:
         return finding
     return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {active}")
@@ -137,12 +137,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene) -> Finding:
     """Judge all paths that close, but for laps that only give what was stored before."""
-    base, set_aside = runs.base, ""
-    if not touching(base, scene).any():
+    base, set_aside = runs.observed(scene), ""
+    if not base.contact.any():
         return undecided("the tool is never in contact")
     lap_runs = laps(base.hip, scene.model.size)
     while True:
-        finding, failing_span = _judge(base, refine, scene, partial(_find_closed_paths, lap_runs=lap_runs))
+        finding, failing_span = _judge(base, refine, partial(_find_closed_paths, lap_runs=lap_runs))
         if failing_span is None or not failing_span.closes_lap:
             return replace(finding, message=finding.message + set_aside)
         lap_run = next(
@@ -179,17 +179,17 @@ def _find_closed_paths(free: BoolArray, lap_runs: list[LapRun]) -> list[ClosedPa
 
 
 def _judge(
-    base: Recording, refine: Callable[[int], Recording], scene: Scene, find_closed_paths: PathSearch
+    base: Observed, refine: Callable[[int], Recording], find_closed_paths: PathSearch
 ) -> tuple[Finding, Span | None]:
     """Return what the paths that close show, and over which span the hand gets work where that is a failure."""
-    sampled = SampledWork(base, 1, scene)
+    sampled = SampledWork(base, 1)
     if not find_closed_paths(sampled.free):
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         ), None
     # Refined until a gain is certain, or nothing is open.
     for finest_rate in FINER_RATES:
-        gains = _gains(base, sampled, refine, scene, find_closed_paths, finest_rate)
+        gains = _gains(base, sampled, refine, find_closed_paths, finest_rate)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
@@ -197,13 +197,13 @@ def _judge(
     finding = _judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding, _worst(telling).span
-    at_own_rate = _at_own_rate(base, sampled, scene, find_closed_paths(sampled.free))
-    if finding.outcome is Outcome.PASS and declares_wide_range(base):
+    at_own_rate = _at_own_rate(base, sampled, find_closed_paths(sampled.free))
+    if finding.outcome is Outcome.PASS and base.declares_wide_range:
         words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
         return replace(finding, message=f"{finding.message}; {words}"), None
     if at_own_rate is None or at_own_rate.excess <= 0.0:
         return finding, None
-    return _hold_failure(base, scene, at_own_rate), at_own_rate.span
+    return _hold_failure(base, at_own_rate), at_own_rate.span
 
 
 def _spends_store(runs: Runs, lap_run: LapRun, scene: Scene) -> bool:
@@ -212,11 +212,11 @@ def _spends_store(runs: Runs, lap_run: LapRun, scene: Scene) -> bool:
     A passivity controller stores what the hand puts in, and gives it back later. Since free space the hand has put in
     E; of a gain W a lap the first E / W laps prove nothing, and the one after them does.
     """
-    base = runs.base
-    free = np.flatnonzero(~touching(base, scene)[: lap_run.first + 1])
+    base = runs.observed(scene)
+    free = np.flatnonzero(~base.contact[: lap_run.first + 1])
     if runs.led_on is None or free.size == 0:
         return False
-    work, closes = SampledWork(base, 1, scene), lap_run.first + lap_run.period
+    work, closes = SampledWork(base, 1), lap_run.first + lap_run.period
     # As a controller sums it up, which knows in each tick the force and the step before it: F[i] . (x[i] - x[i-1]).
     # Twice the trapezoid less the rectangle of the step's begin, which is the held force's, is that of its end.
     observed = 2.0 * work.smooth - work.held
@@ -228,7 +228,7 @@ def _spends_store(runs: Runs, lap_run: LapRun, scene: Scene) -> bool:
     if led.refine is None:
         return False
     after = [[Span.of_lap(len(led.base) - 1 - lap_run.period, len(led.base) - 1)]]
-    _, failing_span = _judge(led.base, led.refine, scene, lambda _: after)
+    _, failing_span = _judge(led.observed(scene), led.refine, lambda _: after)
     return failing_span is None
 
 
@@ -237,7 +237,7 @@ def _worst(telling: Sequence[Gain]) -> Gain:
     return worst_of(telling, lambda gain: gain.excess)
 
 
-def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
+def _judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
     """Judge the limit to which refinement leads, J."""
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
@@ -245,7 +245,7 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
     worst = _worst(telling)
     metric = CHECK.measured(worst.law)
     evidence = {
-        **evidence_at(base, worst.last),
+        **base.evidence_at(worst.last),
         "from_time": float(base.time[worst.span.first]),
         "way": worst.span.what,
         "hold_J": worst.hold,
@@ -279,10 +279,9 @@ def _judge_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) 
 
 
 def _gains(
-    base: Recording,
+    base: Observed,
     base_sums: SampledWork,
     refine: Callable[[int], Recording],
-    scene: Scene,
     find_closed_paths: PathSearch,
     finest: int,
 ) -> list[Gain]:
@@ -290,34 +289,37 @@ def _gains(
     factors = (finest // 4, finest // 2, finest)
     sampled = (
         base_sums,
-        *(base_sums if factor == 1 else SampledWork(refine(factor), factor, scene) for factor in factors),
+        *(
+            base_sums if factor == 1 else SampledWork(Observed(refine(factor), base.scene), factor)
+            for factor in factors
+        ),
     )
     count = min(sums.free.size for sums in sampled)
     last = sampled[-1]
-    rounding = _rounding_work(base, last, scene)
+    rounding = _rounding_work(base, last)
     # Free in all of the runs: their contacts may begin a tick apart.
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
     return [
         min(
-            (gain_over(sampled, span, rounding, stored_before(base, span, scene)) for span in spans),
+            (gain_over(sampled, span, rounding, stored_before(base, span)) for span in spans),
             key=lambda gain: (not gain.telling, gain.excess),
         )
         for spans in find_closed_paths(free)
     ]
 
 
-def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
+def _hold_failure(base: Observed, gain: AtOwnRate) -> Finding:
     """Return the failure of a renderer whose law creates nothing, and that gives more than a held spring does."""
     where = mm(*base.hip[gain.span.first : gain.last].mean(axis=0))
     lag_shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
     message = (
         f"creates energy at {1e3 * base.dt:.3g} ms: {gain.span.what}, round {where} until "
         f"t = {base.time[gain.last]:.4g} s, the hand gets {_millijoules(gain.work)}, of which a spring of "
-        f"{scene.stiffness:g} N/m that is held for a tick, with {lag_shown}, explains {_millijoules(gain.explained)}; "
-        "it is less the faster the loop is sampled"
+        f"{base.scene.stiffness:g} N/m that is held for a tick, with {lag_shown}, explains "
+        f"{_millijoules(gain.explained)}; it is less the faster the loop is sampled"
     )
     evidence = {
-        **evidence_at(base, gain.last),
+        **base.evidence_at(gain.last),
         "from_time": float(base.time[gain.span.first]),
         "way": gain.span.what,
         "held_J": gain.work,
@@ -327,17 +329,17 @@ def _hold_failure(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
     return Finding(Outcome.FAIL, message, CHECK.measured(gain.work), gain.explained, evidence)
 
 
-def _rounding_work(base: Recording, sampled: SampledWork, scene: Scene) -> Array:
+def _rounding_work(base: Observed, sampled: SampledWork) -> Array:
     largest = float(np.max(np.abs(base.hip)))
     # Single precision of the hand, as a force K |x| over the path, and of the force itself.
-    return SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
+    return SINGLE_ROUNDINGS * SINGLE * (base.scene.stiffness * largest * sampled.path + sampled.effort)
 
 
 def _millijoules(energy: float) -> str:
     return f"{format_number(1e3 * energy, 3)} mJ"
 
 
-def _judge_fixed(base: Recording) -> Finding:
+def _judge_fixed(base: Observed) -> Finding:
     """Apply the weaker test, of a recording that cannot be refined: see `recordings.energy_balance`."""
     note = "judged on one sampling only, which is the weaker test"
     gifts = balance(base.hip, base.force, base.time)
@@ -347,7 +349,7 @@ def _judge_fixed(base: Recording) -> Finding:
     worst = worst_of(gifts, lambda gift: -gift.excess)
     metric = CHECK.measured(worst.energy)
     evidence = {
-        **evidence_at(base, worst.last),
+        **base.evidence_at(worst.last),
         "from_time": float(base.time[worst.first]),
         "way": worst.how,
     }

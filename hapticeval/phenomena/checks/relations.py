@@ -32,7 +32,8 @@ from hapticeval.phenomena.measures.restated import (
     has_answer,
     steepness,
 )
-from hapticeval.phenomena.sampling import evidence_at, hip_step, mm, rounding, time_and_hip, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import mm, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.recordings.channels import ANSWERED
@@ -56,15 +57,15 @@ def compare_runs(
 
     Rows that `among` returns are exempt: those on a discontinuity.
     """
-    base = runs.base
     if other is None:
         return not_applicable(f"the model has no such form, or the renderer refuses it {how}")
-    if not (has_answer(base) | has_answer(other)).any():
+    base, restated = runs.observed(scene), Observed(other, scene)
+    if not (has_answer(base) | has_answer(restated)).any():
         return undecided("the hand never touches the model")
-    change = answers_apart(runs, other, scene)
+    change = answers_apart(base, restated)
     # What restating a scene changes of the hand: a rounding of its coordinates.
     hand = HAND_ROUNDING * float(np.abs(base.hip).max())
-    declared = declared_lengths((base, other), scene)
+    declared = declared_lengths((base, restated))
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
@@ -80,18 +81,18 @@ def compare_runs(
         allowed += known - SAME_ANSWER * scene.model.size
         if np.any(change > allowed + SAME_ANSWER * scene.model.size) and runs.moved is not None:
             # Two tools that are one to `known` may meet an edge on either side. Off by half of it, each is one still.
-            change = apart_beside_ties(runs, lambda nudged: answers_apart(nudged, other, scene), 0.5 * known, scene)
-    return relation_finding(base, other, scene, change, allowed, exempt, how)
+            change = apart_beside_ties(runs, lambda nudged: answers_apart(nudged, restated), 0.5 * known, scene)
+    return relation_finding(base, restated, change, allowed, exempt, how)
 
 
 def relation_finding(
-    base: Recording, other: Recording, scene: Scene, change: Array, allowed: Array, exempt: BoolArray, how: str
+    base: Observed, other: Observed, change: Array, allowed: Array, exempt: BoolArray, how: str
 ) -> Finding:
     """Judge the `change` (n,), m, of answers beyond what is `allowed` (n,), m, in rows that are not `exempt` (n,).
 
     Where the IHIP of the `other` run is the same as that of `base`, it is the force that has changed.
     """
-    size = scene.model.size
+    size = base.scene.model.size
     excess = np.where(exempt, 0.0, np.maximum(change - allowed, 0.0)) / size
     # Without an excess the largest change of a row that counts is shown.
     worst = worst_row(excess if excess.max() > 0.0 else np.where(exempt, -np.inf, change))
@@ -103,14 +104,14 @@ def relation_finding(
         Metric(METRIC, float(excess.max()), UNIT),
         SAME_ANSWER,
         {
-            **evidence_at(base, worst),
+            **base.evidence_at(worst),
             "off_m": float(change[worst]),
             "allowed_m": float(allowed[worst]),
             "rows_off": rows_off,
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
-        fails=f"{how} {off} at {time_and_hip(base, worst)} ({rows_off} of {len(base)} HIPs)",
+        fails=f"{how} {off} at {base.time_and_hip(worst)} ({rows_off} of {len(base)} HIPs)",
     )
 
 
@@ -128,7 +129,7 @@ def judge_subdivided(runs: Runs, scene: Scene) -> Finding:
         return not_applicable(f"the scene calls for {kind}, which may change with time by itself")
     fine = required(runs.subdivided)()
     finding = compare_runs(runs, scene, _every_second(fine), "in steps of half the time", among=_rows_on_jumps)
-    late = _ticks_late(runs.base, fine, scene) if finding.outcome is Outcome.FAIL else None
+    late = _ticks_late(runs.observed(scene), fine) if finding.outcome is Outcome.FAIL else None
     if late is None:
         return finding
     return replace(
@@ -146,7 +147,7 @@ def _rows_on_jumps(runs: Runs, scene: Scene) -> BoolArray:
     too, and its answers are apart by more than tenfold of that there.
     """
     # A subdivided run has a HIP so far from the nearest of the base run.
-    half = 0.5 * hip_step(runs.base, scene)
+    half = 0.5 * runs.observed(scene).hip_step
     astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED_FACTOR * half
     return astride
 
@@ -157,12 +158,13 @@ def _every_second(fine: Recording) -> Recording:
     return Recording(fine.time[::2], channels, meta={**fine.meta, "dt": 2.0 * fine.dt})
 
 
-def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
+def _ticks_late(base: Observed, fine: Recording) -> int | None:
     """Return by how many ticks both runs' answers come late, where nothing else is between them; else None.
 
     The answer to HIP k of an answer that comes L ticks late stands in row k + L of the base, and in row 2 k + L of the
     subdivided run.
     """
+    scene = base.scene
     answers = [(base.ihip, fine.ihip), (base.force / scene.stiffness, fine.force / scene.stiffness)]
     same = partial(np.allclose, rtol=0.0, atol=SAME_ANSWER * scene.model.size)
     for late in range(1, LAG_TICKS + 1):
@@ -175,7 +177,7 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
 
 def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same by a renderer that takes turns with another one."""
-    base, other = runs.base, required(runs.in_turns)()
+    base, other = runs.observed(scene), Observed(required(runs.in_turns)(), scene)
     if not has_answer(base).any():
         return undecided("the hand never touches the model")
     # What `run` answers at once, `step` may answer to single precision.
@@ -186,9 +188,9 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     ihip_scatter, force_scatter = (float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force"))
     # Beside rounding what the renderer declares to scatter, of IHIP and force, as lengths.
     allowed = np.full(len(base), max(step, force) + max(ihip_scatter, force_scatter / scene.stiffness))
-    change = answers_apart(runs, other, scene)
+    change = answers_apart(base, other)
     exempt = np.zeros(len(base), dtype=bool)
-    return relation_finding(base, other, scene, change, allowed, exempt, "beside another renderer")
+    return relation_finding(base, other, change, allowed, exempt, "beside another renderer")
 
 
 OFF_BY_ROUNDING = "the same path with the hand off by what rounding may change"

@@ -6,7 +6,8 @@ import numpy as np
 
 from hapticeval.phenomena.check import NOBODY, Check, Runs, required
 from hapticeval.phenomena.decisions import NOTABLE_FORCE_SHARE, TELLING_SHARE
-from hapticeval.phenomena.sampling import evidence_at, farthest_standoff, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import farthest_standoff, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, not_applicable, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -15,9 +16,9 @@ from hapticeval.types import Array
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the run with another one through the same object, to the bit or to what the renderer declares."""
-    base, again = runs.base, required(runs.again)()
+    base, again = runs.observed(scene), required(runs.again)()
     rows = min(len(base), len(again))
-    scatter = _believed_scatter(base, scene)
+    scatter = _believed_scatter(base)
     lengths_differ = len(base) != len(again)
     if any(scatter.values()):
         # The hand answers to what the renderer may scatter, and from there on is elsewhere.
@@ -35,7 +36,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(f"{named} after a reset less that before", float(differences[name][worst]), unit)
     ratio = _force_ratio(base.force[:rows], again.force[:rows])
     evidence: dict[str, object] = {
-        **evidence_at(base, worst),
+        **base.evidence_at(worst),
         "ihip_apart_m": float(differences["ihip"].max()),
         "force_apart_N": float(differences["force"].max()),
         "force_ratio": ratio,
@@ -61,19 +62,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 FORCE_CHANNEL = ("force", "force", "N")
 
 
-def _believed_scatter(base: Recording, scene: Scene) -> dict[str, float]:
+def _believed_scatter(base: Observed) -> dict[str, float]:
     """Return the declared scatter of IHIP (m) and force (N), as far as it is believed.
 
     A scatter of the IHIP beyond a fiftieth of the model, or of the force beyond a tenth of its largest, could hide
     anything that a reset leaves.
     """
     largest = float(np.max(np.linalg.norm(base.force, axis=1), initial=0.0))
-    limits = {"ihip": farthest_standoff(scene), "force": TELLING_SHARE * largest}
+    limits = {"ihip": farthest_standoff(base.scene), "force": TELLING_SHARE * largest}
     # What is declared beyond that is cut off there, and so fails where it is used.
     return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in limits.items()}
 
 
-def _apart(base: Recording, again: Recording, name: str, rows: int) -> Array:
+def _apart(base: Observed, again: Recording, name: str, rows: int) -> Array:
     """Return how far a channel of the two runs is apart in each of the first `rows` rows; 0 where one lacks it."""
     if name not in base.channels or name not in again.channels:
         return np.zeros(rows)

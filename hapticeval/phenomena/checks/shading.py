@@ -10,18 +10,15 @@ import numpy as np
 from hapticeval.effects.catalogue import SHADING
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
 from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
+from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
-from hapticeval.phenomena.measures.lag import largest_in_lag
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    evidence_at,
-    force_floor,
-    lacks_ihip,
     unit_vectors,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -43,16 +40,16 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     """Return what the recorded force is held against, or why there is nothing."""
     from hapticeval.effects.shading import normals_at, turned
 
-    base, shading = runs.base, scene.effect(SHADING)
+    base, shading = runs.observed(scene), scene.effect(SHADING)
     reason = not_alone(scene, SHADING, because="whose force is not turned")
     if reason is not None:
         return reason
-    if lacks_ihip(base, scene):
+    if base.lacks_ihip:
         return without_ihip(base)
-    plain = required(runs.without)(SHADING)
+    plain = Observed(required(runs.without)(SHADING), scene)
     # (4.15): n_e = unit(sum of a_i n_i), at the contact point of the unshaded run
     normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
-    contact = above_force_floor(base, scene) & above_force_floor(plain, scene)
+    contact = base.pressed & plain.pressed
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
     size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
@@ -76,7 +73,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     expected = expect_shading(runs, scene)
     if isinstance(expected, Finding):
         return expected
-    base = runs.base
+    base = runs.observed(scene)
     pressed = expected.contact[1:] & expected.contact[:-1]
     if not pressed.any():
         return undecided("no two ticks of contact in a row")
@@ -95,7 +92,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     excess = np.where(pressed, turn - allowed, -np.inf)
     worst = worst_row(excess if excess.max() > 0.0 else np.where(pressed, turn, -np.inf))
     evidence = {
-        **evidence_at(base, worst + 1),
+        **base.evidence_at(worst + 1),
         "turns_without_rad": float(flat[pressed].max()),
         "edges_crossed": int(np.count_nonzero(shows)),
     }
@@ -123,19 +120,19 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
     expected = expect_shading(runs, scene)
     if isinstance(expected, Finding):
         return expected
-    base = runs.base
+    base = runs.observed(scene)
     size, plain = (np.linalg.norm(force, axis=1) for force in (base.force, expected.plain))
     difference = np.abs(size - plain)
     # Forces under the floor have no share to be told.
-    share = difference / np.maximum(plain, force_floor(scene))
-    allowed = expected.rounding / np.maximum(plain, force_floor(scene))
+    share = difference / np.maximum(plain, base.force_floor)
+    allowed = expected.rounding / np.maximum(plain, base.force_floor)
     clear = allowed <= TELLING_SHARE
     if not (clear & expected.contact).any():
         return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
     # In contact, and where a force is added without one.
-    judged = clear & (expected.contact | (difference > force_floor(scene)))
+    judged = clear & (expected.contact | (difference > base.force_floor))
     worst = worst_row(np.where(judged, share - allowed, -np.inf))
-    evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
+    evidence = {**base.evidence_at(worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
     return compared(
         SHADING_MAGNITUDE.measured(share[worst]),
         float(allowed[worst]),
@@ -153,7 +150,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     reference = expect_shading(runs, scene)
     if isinstance(reference, Finding):
         return reference
-    base = runs.base
+    base = runs.observed(scene)
     loops = [rows for rows in later_laps(base.hip, scene.model.size) if reference.contact[slice(*rows)].any()]
     if not loops:
         return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
@@ -170,7 +167,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     # What shading gives round the loop: by its closed form it need not be zero.
     added = float((measured - plain)[most_active])
     evidence = {
-        **evidence_at(base, loops[worst][1]),
+        **base.evidence_at(loops[worst][1]),
         "from_time": float(base.time[loops[worst][0]]),
         "work_J": float(measured[worst]),
         "work_of_unit_normals_J": float(expected[worst]),
@@ -195,7 +192,7 @@ def judge_work(runs: Runs, scene: Scene) -> Finding:
     )
 
 
-def _running_work(base: Recording, force: Array) -> Array:
+def _running_work(base: Observed, force: Array) -> Array:
     """Return the work (n,), J, that a force (n, N), N, gives to the hand up to each tick, by the trapezoid."""
     return running_sums(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1))
 

@@ -11,17 +11,17 @@ from hapticeval.phenomena.decisions import CAUSE_SHARE, SHARE_ROUNDING, TELLING_
 from hapticeval.phenomena.measures.refinement import richardson_two_level
 from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.measures.surface_motion import DOES_NOT_SLIDE, FINER, SPEED_GIVEN, TOO_MUCH, SurfaceMotion
-from hapticeval.phenomena.sampling import evidence_at, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the speed that the foot has gained or lost beyond what the assigned acceleration adds up to."""
-    base = runs.base
-    motion = SurfaceMotion(base, scene)
+    base = runs.observed(scene)
+    motion = SurfaceMotion(base)
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or DOES_NOT_SLIDE)
     # A point mass obeys the push as the law says; a robot's own inertia has to be told by a sensor (8.9).
@@ -31,7 +31,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
         )
     top = float(motion.foot_speed.max())
-    remains = richardson_two_level(runs, lambda recording: _unexplained_velocity(recording, scene))
+    remains = richardson_two_level(runs, scene, _unexplained_velocity)
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = worst_row(excess)
     metric = CHECK.measured(excess[tick])
@@ -39,7 +39,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = bound / top + SHARE_ROUNDING
     viscosity = _apparent_viscosity(motion)
     evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+        **base.evidence_at(tick),
         "assigned_viscosity_kg_s": scene.viscosity,
         "apparent_viscosity_kg_s": viscosity,
         "foot_speed_at_start_m_s": float(motion.foot_speed[0]),
@@ -58,14 +58,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
     """Say what the unexplained velocity, (n, N - 1), m/s, is like: another viscosity (kg/s) where that makes most."""
     moved = motion.components(motion.foot_velocity)[: len(unexplained)]
-    assigned = motion.scene.viscosity
+    assigned = motion.base.scene.viscosity
     # A viscosity b' instead of b takes (b' - b) / m of the velocity per second of sliding.
-    slid = np.cumsum(moved * motion.recording.dt, axis=0)
-    remainder = unexplained + (viscosity - assigned) / motion.scene.mass * slid
+    slid = np.cumsum(moved * motion.base.dt, axis=0)
+    remainder = unexplained + (viscosity - assigned) / motion.base.scene.mass * slid
     if np.sum(remainder**2) <= CAUSE_SHARE * np.sum(unexplained**2):
         return f", as if the surface had a viscosity of {viscosity:.3g} kg/s instead of {assigned:.3g}"
     along = float(np.sum(unexplained[tick] * moved[tick]))
-    return f": by t = {motion.recording.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
+    return f": by t = {motion.base.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
 
 
 def _apparent_viscosity(motion: SurfaceMotion) -> float:
@@ -73,7 +73,7 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
 
     The sum of p' . dp' is half the change of |p'|^2, so that no derivative is taken.
     """
-    scene, recording = motion.scene, motion.recording
+    scene, recording = motion.base.scene, motion.base
     speed2 = motion.foot_speed**2
     step = np.diff(recording.time)
     # <p', dp'> = d|p'|^2 / 2 = <p', push / m> dt - (b / m) |p'|^2 dt, summed and solved for b.
@@ -87,22 +87,23 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
 
     A force that is sensed is fed to the foot (8.9); else it moves the tool, and so the foot by (I + n W)^-1 of that.
     """
-    push = motion.recording.channels.get("operator_force")
+    push = motion.base.channels.get("operator_force")
     if push is None:
         return np.zeros_like(motion.foot_velocity)
     # P_T F_o / m
-    along = along_surface(push, motion.frame.normal) / motion.scene.mass
-    return along if motion.scene.senses_force else motion.pulled_back(along)
+    along = along_surface(push, motion.frame.normal) / motion.base.scene.mass
+    return along if motion.base.scene.senses_force else motion.pulled_back(along)
 
 
-def _unexplained_velocity(recording: Recording, scene: Scene) -> Array:
+def _unexplained_velocity(recording: Observed) -> Array:
     """Return the velocity that nothing assigned explains, in transported bases: (n, N - 1), m/s.
 
     That is p'(t) - p'(0) less the integral of the assigned acceleration: -(b_d / m) p' (7.18), and what the hand adds.
     Viscous terms by the trapezoidal rule; the
     operator's force is recorded as its mean until the next sample.
     """
-    motion = SurfaceMotion(recording, scene)
+    scene = recording.scene
+    motion = SurfaceMotion(recording)
     moved = motion.components(motion.foot_velocity)
     # Transported components: their rate of change is the covariant acceleration Dp'/dt.
     viscous = -(scene.viscosity / scene.mass) * moved

@@ -26,9 +26,10 @@ from hapticeval.phenomena.decisions import (
     WHOLE_SAMPLE,
 )
 from hapticeval.phenomena.measures.surface_force import along_surface
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, hip_steps, unit_vectors, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -46,15 +47,15 @@ class Stretch(NamedTuple):
 
 def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     """Return the stretches of steady speed and force, longest first, or the finding that says why there is none."""
-    base, effect = runs.base, scene.effect(STOCHASTIC_TEXTURE)
+    base, effect = runs.observed(scene), scene.effect(STOCHASTIC_TEXTURE)
     reason = not_alone(scene, STOCHASTIC_TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
     # Only a whole number lets the texture's samples be picked.
-    ticks_per_sample = _ticks_per_sample(base, scene)
+    ticks_per_sample = _ticks_per_sample(base)
     if abs(ticks_per_sample - round(ticks_per_sample)) > WHOLE_SAMPLE:
         return undecided(f"the recording has {ticks_per_sample:.4g} ticks a sample of the texture: no whole number")
-    plain = required(runs.without)(STOCHASTIC_TEXTURE)
+    plain = Observed(required(runs.without)(STOCHASTIC_TEXTURE), scene)
     normal = scene.model.boundary.closest_point(plain.ihip).normal
     press = np.sum(plain.force * normal, axis=1)
     velocity = backward_difference(base.hip, base.time)
@@ -66,9 +67,8 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     # The texture's own acceleration: what it adds along its direction, over its mass, m/s^2
     shaken = np.sum((base.force - plain.force) * direction, axis=1) / effect.mass
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
-    pressed = above_force_floor(plain, scene)
     steady_stretches = []
-    for first, last in _steady_spans(speed, press, pressed & (speed > 0.0)):
+    for first, last in _steady_spans(speed, press, plain.pressed & (speed > 0.0)):
         rows = slice(first + settles, last, round(ticks_per_sample))
         # The first part of a stretch is still under the one before.
         if last - first > settles + 1:
@@ -80,9 +80,9 @@ def find_stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     return sorted(steady_stretches, key=lambda stretch: -stretch.vibration.size)
 
 
-def _ticks_per_sample(base: Recording, scene: Scene) -> float:
+def _ticks_per_sample(base: Observed) -> float:
     """Return how many ticks of a recording a sample of the scene's texture lasts."""
-    return 1.0 / (float(scene.effect(STOCHASTIC_TEXTURE).model.rate) * base.dt)
+    return 1.0 / (float(base.scene.effect(STOCHASTIC_TEXTURE).model.rate) * base.dt)
 
 
 def _steady_spans(speed: Array, press: Array, where: BoolArray) -> list[tuple[int, int]]:
@@ -120,11 +120,11 @@ def _mean_square_variance(covariance: Array, count: int) -> float:
     return float(2.0 / count * (1.0 + 2.0 * share.sum()))
 
 
-def _stretch_evidence(scene: Scene, stretch: Stretch, base: Recording) -> dict[str, object]:
+def _stretch_evidence(stretch: Stretch, base: Observed) -> dict[str, object]:
     """Return as evidence where a stretch is and what its power is and should be."""
-    covariance = _texture_covariance(scene, stretch, 1)
+    covariance = _texture_covariance(base.scene, stretch, 1)
     return {
-        **evidence_at(base, stretch.first),
+        **base.evidence_at(stretch.first),
         "seconds": float(stretch.vibration.size * base.dt),
         "speed_m_s": stretch.speed,
         "force_N": stretch.press,
@@ -194,8 +194,8 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
     # A bin without power is -1000 dB, and not infinite.
     error = np.maximum(error, -1e3)
     rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), worst_row(np.abs(error))
-    rate = 1.0 / (runs.base.dt * round(_ticks_per_sample(runs.base, scene)))
-    evidence = _stretch_evidence(scene, longest, runs.base) | {
+    rate = 1.0 / (runs.base.dt * round(_ticks_per_sample(runs.observed(scene))))
+    evidence = _stretch_evidence(longest, runs.observed(scene)) | {
         "mean_error_dB": mean,
         "worst_error_dB": float(error[worst]),
         "worst_at_Hz": float(rate * frequency[2 + worst]),
@@ -238,7 +238,7 @@ def judge_stationary(runs: Runs, scene: Scene) -> Finding:
     with np.errstate(divide="ignore"):
         part_decibels = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
     worst = worst_row(np.abs(part_decibels))
-    evidence = _stretch_evidence(scene, longest, runs.base) | {
+    evidence = _stretch_evidence(longest, runs.observed(scene)) | {
         "parts_dB": [float(decibels) for decibels in part_decibels]
     }
     part = f"part {worst + 1} of {POWER_PARTS}"
@@ -293,7 +293,7 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     error_from_mean = error - error.mean()
     worst = worst_row(np.abs(error_from_mean) / allowed)
     stretch = stretches_and_covariances[worst][0]
-    evidence = _stretch_evidence(scene, stretch, runs.base) | {
+    evidence = _stretch_evidence(stretch, runs.observed(scene)) | {
         "stretches": [
             {"speed_m_s": candidate.speed, "force_N": candidate.press, "off_dB": float(gap)}
             for (candidate, _), gap in zip(stretches_and_covariances, error_from_mean, strict=True)
@@ -316,18 +316,18 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
 
 def judge_rest(runs: Runs, scene: Scene) -> Finding:
     """Compare the vibrations of a hand that has come to rest with those of the run before."""
-    base, effect = runs.base, scene.effect(STOCHASTIC_TEXTURE)
+    base, effect = runs.observed(scene), scene.effect(STOCHASTIC_TEXTURE)
     reason = not_alone(scene, STOCHASTIC_TEXTURE, because="which answer vibrations")
     if reason is not None:
         return reason
-    plain = required(runs.without)(STOCHASTIC_TEXTURE)
+    plain = Observed(required(runs.without)(STOCHASTIC_TEXTURE), scene)
     added = np.linalg.norm(base.force - plain.force, axis=1)
     largest = float(np.max(np.abs(base.hip)))
-    still = np.concatenate([[False], hip_steps(base) <= HAND_ROUNDING * largest])
+    still = np.concatenate([[False], base.hip_steps <= HAND_ROUNDING * largest])
     settles = math.ceil(TEXTURE_SETTLES / base.dt)
     rows = np.arange(len(base))
     # Ticks since the hand last moved, or was off the surface.
-    since = rows - np.maximum.accumulate(np.where(still & above_force_floor(plain, scene), -1, rows))
+    since = rows - np.maximum.accumulate(np.where(still & plain.pressed, -1, rows))
     rested = np.flatnonzero(since > settles)
     if not rested.size:
         return undecided(f"the hand nowhere rests on the surface for longer than {TEXTURE_SETTLES:g} s")
@@ -352,7 +352,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     return compared(
         TEXTURE_REST.measured(added[tick]),
         allowed,
-        {**evidence_at(base, tick), "moving_N": largest_moving},
+        {**base.evidence_at(tick), "moving_N": largest_moving},
         passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {largest_moving:.3g} N while it "
         "moves",
         fails=(

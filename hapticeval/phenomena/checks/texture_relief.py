@@ -12,13 +12,10 @@ from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
-from hapticeval.phenomena.measures.lag import believed_lag, beside_straight, delayed, resting_ticks
+from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    believed_standoff,
-    evidence_at,
     lengths_of,
-    resolution,
-    rounding,
     steps_to,
     worst_row,
 )
@@ -163,9 +160,9 @@ def bump_map_answer(waves: Waves, ihips: Array, forces: Array | None, recorded: 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare force and IHIP of every tick with those that the relief makes of the path."""
-    base = runs.base
+    base = runs.observed(scene)
     relief: Any = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
-    reason = not_alone(scene, relief.kind, because="whose force is another") or nothing_pressed(base, scene)
+    reason = not_alone(scene, relief.kind, because="whose force is another") or nothing_pressed(base)
     if reason is not None:
         return reason
     plain = None if runs.without is None else runs.without(relief.kind)
@@ -177,16 +174,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
     # both channels look for their lag, from the same ticks on
     waves = Waves(relief, scene)
-    felt = cache(_relief_law(waves, scene, base, plain, rows))
-    place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
+    felt = cache(_relief_law(waves, base, plain, rows))
+    place = base.rounding + SINGLE * float(np.max(np.abs(base.hip)))
     # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
     resting = resting_ticks(base.ihip) * steps_to(base.hip)
-    doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
+    doubt = place + base.believed_standoff + base.resolution + resting[rows]
     turns_answers = relief.kind == BUMP_MAP
 
     def compare(channel: str) -> Deviation | None:
         """Compare a channel with the relief's law: see `_compare_channel`."""
-        return _compare_channel(felt, base, rows, doubt, channel, scene, waves.highest, turns_answers=turns_answers)
+        return _compare_channel(felt, base, rows, doubt, channel, waves.highest, turns_answers=turns_answers)
 
     # A bump map turns the force alone: its IHIP is compared where it is known without the relief, and well enough.
     force, ihip = compare("force"), None if turns_answers and plain is None else compare("ihip")
@@ -196,7 +193,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # The force first: an IHIP that is off with it is of the same fault.
     worst = max(clear, key=lambda deviation: min(deviation.off / deviation.allowed, 2.0))
     amount = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
-    evidence = evidence_at(base, worst.tick)
+    evidence = base.evidence_at(worst.tick)
     if worst.share is None:
         share_shown = f"a {relief.kind} leaves it where it is"
     else:
@@ -231,23 +228,22 @@ class Deviation(NamedTuple):
 
 
 def _relief_law(
-    waves: Waves, scene: Scene, base: Recording, plain: Recording | None, rows: IntArray
+    waves: Waves, base: Observed, plain: Recording | None, rows: IntArray
 ) -> Callable[[float], ReliefAnswer]:
     """Return the law of the relief at `rows` as a function of how many ticks ago the place is that it answers."""
     own_force = None if plain is None else plain.force[rows]
-    if any(effect.kind == HEIGHT_MAP for effect in scene.effects):
-        return lambda lag: height_map_answer(waves, scene, delayed(base.hip, rows, lag), own_force)
+    if any(effect.kind == HEIGHT_MAP for effect in base.scene.effects):
+        return lambda lag: height_map_answer(waves, base.scene, delayed(base.hip, rows, lag), own_force)
     tool = base.ihip if plain is None else plain.ihip
     return lambda lag: bump_map_answer(waves, delayed(tool, rows, lag), own_force, base.force[rows])
 
 
 def _compare_channel(
     felt: Callable[[float], ReliefAnswer],
-    base: Recording,
+    base: Observed,
     rows: IntArray,
     doubt: Array,
     channel: str,
-    scene: Scene,
     highest: float,
     *,
     turns_answers: bool,
@@ -271,7 +267,7 @@ def _compare_channel(
         return float(lengths_of(recorded - law(lag)[0]).mean())
 
     # A misfit of rounding needs no lag to explain it.
-    exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
+    exact = float(np.min(doubt)) * (base.scene.stiffness if channel == "force" else 1.0)
     lag, late_misfit = believed_lag(misfit, exact)
     if turns_answers:  # an IHIP may be recorded later than the force that is made of it
         early, early_misfit = believed_lag(lambda lag: misfit(-lag), exact)
@@ -284,7 +280,7 @@ def _compare_channel(
         late = np.zeros(len(rows))
     # What the relief adds, and how much of it the channel shows: <recorded - bare, change> / |change|^2
     change = right - bare_answer
-    rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
+    rounded = SINGLE * (np.linalg.norm(right, axis=1) + (base.scene.stiffness if channel == "force" else 1.0)
                         * float(np.max(np.abs(base.hip))))  # fmt: skip
     allowed = moves() * doubt + late + SINGLE_ROUNDINGS * rounded
     # Ticks in which a tenth of the relief's largest effect can be told: of an IHIP that it leaves, of its height.

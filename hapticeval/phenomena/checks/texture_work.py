@@ -10,7 +10,8 @@ from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
 from hapticeval.phenomena.measures.closed_paths import SampledWork, later_laps
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
@@ -20,10 +21,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Sum the work of each lap in contact after the first, and judge the one in which the hand gains most."""
     from hapticeval.effects.reliefs import Relief
 
-    base, refine = runs.base, required(runs.refine)
+    base, refine = runs.observed(scene), required(runs.refine)
     relief = next(effect for effect in scene.effects if effect.kind in CHECK.effects)
     assert isinstance(relief, Relief)
-    pressed = above_force_floor(base, scene)
+    pressed = base.pressed
     loops = [rows for rows in later_laps(base.hip, scene.model.size) if pressed[slice(*rows)].all()]
     if not loops:
         return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
@@ -31,7 +32,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     first, last = np.array(loops).T
     largest = float(np.max(np.abs(base.hip)))
     for finest in FINER_RATES:
-        half, full = (SampledWork(refine(factor), factor, scene) for factor in (finest // 2, finest))
+        half, full = (SampledWork(Observed(refine(factor), scene), factor) for factor in (finest // 2, finest))
         before, work, error, crossed, path, effort = (
             sums[last] - sums[first]
             for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)
@@ -51,7 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Above this speed, m/s, a wave is shorter than two ticks of the hand's way.
     limit = relief.fastest(base.dt)
     evidence = {
-        **evidence_at(base, int(last[worst])),
+        **base.evidence_at(int(last[worst])),
         "from_time": float(base.time[first[worst]]),
         "crossed_J": float(crossed[worst]),
         "laps": len(loops),

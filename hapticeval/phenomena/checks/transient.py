@@ -21,10 +21,11 @@ from hapticeval.phenomena.decisions import (
     SINGLE_ROUNDINGS,
     TELLING_SHARE,
 )
-from hapticeval.phenomena.sampling import evidence_at, force_floor, hand_velocity, touching, worst_of, worst_row
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import rounding as rounding_of
+from hapticeval.phenomena.sampling import worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
-from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording, runs_of
+from hapticeval.recordings.recording import DOUBLE, SINGLE, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -164,14 +165,15 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
     return impulse, lasts + (0.0 if math.isinf(effect.cap) else effort / effect.cap)
 
 
-def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[StruckContact]:
+def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckContact]:
     """Return the contacts that begin with an approach, by a recording of the scene without the effect.
 
     A hand that is on the surface to single precision may be in contact or not: one that adds a force there begins it.
     """
-    dt, boundary = base.dt, scene.model.boundary
-    touches = touching(plain, scene)
-    velocity = hand_velocity(base)
+    scene = base.scene
+    dt, boundary = base.dt, base.boundary
+    touches = plain.contact
+    velocity = base.velocity
     added = base.force - plain.force
     # A recording in single precision is one in which every force is a single number.
     single = bool(np.all(base.force.astype(np.float32) == base.force))
@@ -208,12 +210,14 @@ def find_contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) 
 
 
 def judge_each(
-    judge: Callable[[Runs, Scene, Any, Recording], Finding], kinds: tuple[str, ...], runs: Runs, scene: Scene
+    judge: Callable[[Runs, Scene, Any, Observed], Finding], kinds: tuple[str, ...], runs: Runs, scene: Scene
 ) -> Finding:
     """Judge each effect of `kinds` that the scene calls for; return the worst finding."""
     without = required(runs.without)
     effects = [effect for effect in scene.effects if effect.kind in kinds]
-    return max((judge(runs, scene, effect, without(effect.kind)) for effect in effects), key=_rank_of_finding)
+    return max(
+        (judge(runs, scene, effect, Observed(without(effect.kind), scene)) for effect in effects), key=_rank_of_finding
+    )
 
 
 def _rank_of_finding(finding: Finding) -> tuple[int, float]:
@@ -226,24 +230,24 @@ def _rank_of_finding(finding: Finding) -> tuple[int, float]:
 NONE = "no contact begins: the hand does not come from free space, or never touches"
 
 
-def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Finding:
     """Measure the ticks from the one in which a contact begins to the first force that is added."""
-    base = runs.base
-    struck = find_contacts(base, plain, scene, effect)
+    base = runs.observed(scene)
+    struck = find_contacts(base, plain, effect)
     if not struck:
         return undecided(NONE)
     # Without a force, and out of the surface by more than single precision.
-    free = ~touching(plain, scene) & ~plain.force.any(axis=1)
-    free &= scene.model.boundary.signed_distance(plain.hip) > rounding_of(scene)
+    free = ~plain.contact & ~plain.force.any(axis=1)
+    free &= plain.distance > plain.rounding
     stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
-    if stray.max() > force_floor(scene):
-        tick = int(np.argmax(stray > force_floor(scene)))
+    if stray.max() > base.force_floor:
+        tick = int(np.argmax(stray > base.force_floor))
         ticks_away = min(max(contact.begin - tick, tick - contact.end + 1) for contact in struck)
         message = (
             f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
         )
         metric = Metric("ticks from a contact to a force without one", float(ticks_away), "ticks")
-        return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
+        return compared(metric, 0.0, base.evidence_at(tick), passes="", fails=message)
     if all(contact.end - contact.begin <= LATE_START for contact in struck):
         return undecided("no contact lasts longer than what it starts may be late")
     late = [contact.end - contact.begin if contact.late is None else contact.late for contact in struck]
@@ -253,16 +257,16 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     return compared(
         TRANSIENT_ONSET.measured(late[worst]),
         float(LATE_START),
-        {**evidence_at(base, begin), "contacts": len(struck)},
+        {**base.evidence_at(begin), "contacts": len(struck)},
         passes=f"{len(struck)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
         fails=f"{contact} no {effect.kind}" if struck[worst].late is None else f"{contact} it {late[worst]} ticks late",
     )
 
 
-def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Finding:
     """Compare the impulse that is added in each contact with the effect's."""
-    base, dt = runs.base, runs.base.dt
-    all_contacts = find_contacts(base, plain, scene, effect)
+    base, dt = runs.observed(scene), runs.base.dt
+    all_contacts = find_contacts(base, plain, effect)
     if not all_contacts:
         return undecided(NONE)
     lasting = [
@@ -292,7 +296,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         return undecided("rounding may make a tenth of the impulse")
     contact = lasting[worst]
     evidence = {
-        **evidence_at(base, contact.begin),
+        **base.evidence_at(contact.begin),
         "speed_m_s": contact.speed,
         "impulse_Ns": float(impulses[worst]),
         "expected_Ns": float(expected[worst]),
@@ -320,10 +324,10 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
     )
 
 
-def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Finding:
     """Fit a decaying sinusoid to the force that the longest contact adds, and compare its frequency and decay."""
-    base = runs.base
-    struck = find_contacts(base, plain, scene, effect)
+    base = runs.observed(scene)
+    struck = find_contacts(base, plain, effect)
     if not struck:
         return undecided(NONE)
     if not math.isinf(effect.cap):
@@ -343,7 +347,7 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
         "frequency": (fitted.frequency / effect.frequency - 1.0, fitted.frequency_open / effect.frequency),
     }
     evidence = {
-        **evidence_at(base, longest.begin),
+        **base.evidence_at(longest.begin),
         "decay_1_s": fitted.decay,
         "decay_open_1_s": fitted.decay_open,
         "frequency_Hz": fitted.frequency,

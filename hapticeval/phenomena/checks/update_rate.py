@@ -6,27 +6,28 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS, STALE_TICKS
-from hapticeval.phenomena.sampling import evidence_at, log_step, rounding, touching
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray
 
 
-def calls_for_another_force(recording: Recording, scene: Scene) -> BoolArray:
+def calls_for_another_force(recording: Observed) -> BoolArray:
     """Return where the force has to differ from that of the row before, (n,).
 
     In contact in both rows, the spring to the nearest point of the model changes, and so does the renderer's own where
     it gives an IHIP, by more than positions and forces resolve. A hand at rest, or under a flat face at one depth,
     calls for none, and neither does one whose IHIP goes along with it.
     """
-    contact = touching(recording, scene)
-    springs = [scene.model.boundary.closest_point(recording.hip).foot - recording.hip]
+    scene = recording.scene
+    contact = recording.contact
+    springs = [recording.boundary.closest_point(recording.hip).foot - recording.hip]
     if "ihip" in recording.channels and recording.apart.any():
         springs.append(recording.ihip - recording.hip)
-    coarse = float(recording.meta.get("force_resolution", 0.0)) + log_step(recording, "force")
-    told_apart = rounding(scene) + coarse / scene.stiffness
+    coarse = float(recording.meta.get("force_resolution", 0.0)) + recording.log_step("force")
+    told_apart = recording.rounding + coarse / scene.stiffness
     calls = np.zeros(len(recording), dtype=bool)
     calls[1:] = contact[1:] & contact[:-1]
     for spring in springs:
@@ -36,8 +37,8 @@ def calls_for_another_force(recording: Recording, scene: Scene) -> BoolArray:
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Take the median of the times for which a force stands while another is called for in every tick."""
-    base = runs.base
-    calls = calls_for_another_force(base, scene)
+    base = runs.observed(scene)
+    calls = calls_for_another_force(base)
     renewed = np.zeros(len(base), dtype=bool)
     renewed[1:] = np.any(np.diff(base.force, axis=0) != 0.0, axis=1)
     stood: list[int] = []
@@ -51,7 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ticks = float(np.median(np.repeat(stood, stood)))
     metric = CHECK.measured(ticks * base.dt)
     rate = 1.0 / metric.value
-    evidence = {**evidence_at(base, int(np.flatnonzero(calls)[0])), "rate_Hz": rate, "ticks_called_for": called}
+    evidence = {**base.evidence_at(int(np.flatnonzero(calls)[0])), "rate_Hz": rate, "ticks_called_for": called}
     return compared(
         metric,
         # Half a tick is none: a median of whole ticks is known to that.

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.phenomena.decisions import PLACE_ROUNDING
-from hapticeval.phenomena.sampling import touching
-from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.scene import Scene
+from hapticeval.phenomena.observed import Observed
+from hapticeval.recordings.recording import runs_of
 from hapticeval.types import Array, BoolArray
 
 
@@ -102,14 +101,14 @@ class SampledWork:
     - `free`: where nothing touches.
     """
 
-    def __init__(self, recording: Recording, factor: int, scene: Scene) -> None:
-        force, moved = recording.force, np.diff(recording.hip, axis=0)
+    def __init__(self, run: Observed, factor: int) -> None:
+        force, moved = run.force, np.diff(run.hip, axis=0)
         length = np.linalg.norm(moved, axis=1)
         mean = np.sum(0.5 * (force[1:] + force[:-1]) * moved, axis=1)
         # By this a trapezoid of two ticks differs: the whole of a jump of the force, and of second order elsewhere.
         bend = np.zeros_like(moved)
         bend[1:] = np.diff(force, n=2, axis=0)
-        self.free = ~touching(recording, scene)[::factor]
+        self.free = ~run.contact[::factor]
         self.smooth, self.held, self.error, self.crossed, self.path, self.effort = (
             running_sums(steps)[::factor]
             for steps in (

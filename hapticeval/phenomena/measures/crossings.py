@@ -23,10 +23,10 @@ from hapticeval.phenomena.decisions import (
     SAME_NORMAL,
     SHIFTED_TOOLS_APART,
 )
-from hapticeval.phenomena.sampling import hip_steps, lacks_ihip, position_tolerance, resolution, rounding, worst_of
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_of
 from hapticeval.phenomena.verdict import Finding
-from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.scene import Scene
+from hapticeval.recordings.recording import runs_of
 from hapticeval.types import Array, BoolArray, IntArray
 
 FACE_SAMPLES = 1025
@@ -71,7 +71,7 @@ class Crossing:
     others: BoolArray
 
 
-def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
+def find_crossings(recording: Observed, *, convex: bool) -> list[Crossing]:
     """Find where the hand passes a corner as the two phenomena suppose it, whatever the renderer answers.
 
     - It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
@@ -82,16 +82,16 @@ def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[
     - In the plane all of it is nearer than half of the way to the next corner; on a mesh a rigid tool that follows the
       hand shows under which face it is.
     """
-    boundary = scene.model.boundary
+    boundary = recording.boundary
     if isinstance(boundary, Mesh):
         if convex:
-            return list(_cross_convex_edges(recording, boundary, rounding(scene)))
-        return list(_cross_concave_edges(recording, boundary, rounding(scene), position_tolerance(recording, scene)))
+            return list(_cross_convex_edges(recording, boundary, recording.rounding))
+        return list(_cross_concave_edges(recording, boundary, recording.rounding, recording.position_tolerance))
     return [
         crossing
         for corner in boundary.corners
         if corner.convex == convex
-        for crossing in _cross_corner(recording, scene, corner)
+        for crossing in _cross_corner(recording, corner)
     ]
 
 
@@ -101,9 +101,9 @@ def angle_between(vectors: Array, direction: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(vectors - along[:, np.newaxis] * direction, axis=1), along))
 
 
-def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator[Crossing]:
+def _cross_corner(recording: Observed, corner: Corner) -> Iterator[Crossing]:
     """Yield the crossings of a corner in the plane, either way."""
-    boundary, slack = scene.model.boundary, rounding(scene)
+    boundary, slack = recording.boundary, recording.rounding
     from_corner = recording.hip - corner.position
     near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _length_to_next_corner(boundary, corner)
     if not near.any():
@@ -138,26 +138,26 @@ def _cross_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterato
             if first > last or end - crossed <= LAG_TICKS:
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
-                turn, steps = abs(corner.turn), hip_steps(recording)
-                face_distance = _distance_to_face(recording, scene, corner, heading)
-                tool = face_distance <= position_tolerance(recording, scene) + resolution(recording, scene)
+                turn, steps = abs(corner.turn), recording.hip_steps
+                face_distance = _distance_to_face(recording, corner, heading)
+                tool = face_distance <= recording.position_tolerance + recording.resolution
                 if corner.convex and tool[first:crossed].any():
-                    nearer = face_distance <= _distance_to_face(recording, scene, corner, -heading)
+                    nearer = face_distance <= _distance_to_face(recording, corner, -heading)
                     if not (tool & nearer)[first:crossed].any():
                         continue  # beside the corner, and all the time on the other face
                 others = np.zeros_like(tool)
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
-def _distance_to_face(recording: Recording, scene: Scene, corner: Corner, heading: float) -> Array:
+def _distance_to_face(recording: Observed, corner: Corner, heading: float) -> Array:
     """Return how far the IHIP's nearest point of the boundary is from the face before a corner, m; (n,).
 
     Without an IHIP 0 where the force is along that face's normal, elsewhere infinite.
     """
-    if "ihip" not in recording.channels or lacks_ihip(recording, scene):
+    if "ihip" not in recording.channels or recording.lacks_ihip:
         normal = corner.normal_pre if heading > 0.0 else corner.normal_post
         return np.where(angle_between(recording.force, normal) <= FACE_TURN_SHARE * abs(corner.turn), 0.0, np.inf)
-    boundary, within = scene.model.boundary, position_tolerance(recording, scene) + resolution(recording, scene)
+    boundary, within = recording.boundary, recording.position_tolerance + recording.resolution
     # Arc lengths back along the face to the corner at its other end.
     behind = [heading * (corner.s - other.s) for other in boundary.corners if other is not corner]
     if boundary.closed:
@@ -176,7 +176,7 @@ def _count_leading(flags: BoolArray) -> int:
 
 
 def _comes_from_outside(
-    recording: Recording, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
+    recording: Observed, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
 ) -> bool:
     """Return whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest.
 
@@ -194,10 +194,10 @@ def _length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
     return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
 
 
-def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+def _cross_convex_edges(recording: Observed, mesh: Mesh, slack: float) -> Iterator[Crossing]:
     """Yield where a rigid tool is let go past the border of a face, with the hand still under that face's plane."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
-    steps = hip_steps(recording)
+    steps = recording.hip_steps
     # On a face, and right after it free: a convex edge was passed.
     for (first, crossed, face), (_, end, after) in pairwise(_label_runs(faces)):
         if face < 0 or after != IN_FREE_SPACE:
@@ -222,7 +222,7 @@ def _cross_convex_edges(recording: Recording, mesh: Mesh, slack: float) -> Itera
             yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
-def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within: float) -> Iterator[Crossing]:
+def _cross_concave_edges(recording: Observed, mesh: Mesh, slack: float, within: float) -> Iterator[Crossing]:
     """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
     faces, triangles, tools = _follow_with_rigid_tool(recording, mesh, slack)
     hip_motions, tool_motions = np.diff(recording.hip, axis=0), np.diff(tools, axis=0)
@@ -251,7 +251,7 @@ def _cross_concave_edges(recording: Recording, mesh: Mesh, slack: float, within:
             yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, tool, others)
 
 
-def _follow_with_rigid_tool(recording: Recording, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
+def _follow_with_rigid_tool(recording: Observed, mesh: Mesh, slack: float) -> tuple[IntArray, IntArray, Array]:
     """Return the flat face of the mesh (n,) that a rigid tool is on, its triangle (n,), and its place (n, 3), m.
 
     In place of a face it is `IN_FREE_SPACE`, `TOOL_RESTS` or `UNDECIDED`. On an edge or a vertex in the middle of a

@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.measures.lag import beside_straight, delayed, likely_force_lags
+from hapticeval.phenomena.lag import beside_straight, delayed, likely_force_lags
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, surface_force_of
 from hapticeval.phenomena.verdict import Finding, Outcome, not_applicable
 from hapticeval.quantity import plural
@@ -43,7 +43,7 @@ def check_of_friction(
 
     def judge_friction(runs: Runs, scene: Scene) -> Finding:
         because = "whose force along the surface is no friction"
-        reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.base, scene)
+        reason = not_alone(scene, *FRICTIONS, because=because) or nothing_pressed(runs.observed(scene))
         if reason is None and not damped and scene.damping > 0.0:
             reason = not_applicable(f"a damper of {scene.damping:g} N s/m brakes the tool too")
         return reason or judge_with_lag(
@@ -62,15 +62,14 @@ def judge_with_lag(
     Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
     takes energy for that alone: see `passivity`. Where all fail, the finding is that without a lag.
     """
-    base = runs.base
-    finding = judge(runs, surface_force_of(base, scene))
+    finding = judge(runs, surface_force_of(runs.observed(scene)))
     if finding.outcome is not Outcome.FAIL or not on_time:
         return finding
     for lag in range(1, LAG_TICKS + 1):
         for names in on_time:
             # Held back by `lag` rows, so that they meet the late ones.
-            held_back = _held_back(base, dict.fromkeys(names, float(lag)))
-            again = judge(replace(runs, base=held_back), surface_force_of(held_back, scene))
+            held_back = _hold_back(runs, dict.fromkeys(names, float(lag)))
+            again = judge(held_back, surface_force_of(held_back.observed(scene)))
             if again.outcome is Outcome.PASS:
                 # The answer's channels that were not held back are those that are late.
                 late_channels = [word for name, word in (("ihip", "IHIP"), ("force", "force")) if name not in names]
@@ -84,20 +83,24 @@ def _judge_between_ticks(runs: Runs, judge: Callable[[Runs, SurfaceForce], Findi
 
     The hand stays as it is, so that its laps close.
     """
-    for hip, ihip in likely_force_lags(runs.base, scene):
-        early = _held_back(runs.base, {"force": -hip, "ihip": ihip - hip})
+    for hip, ihip in likely_force_lags(runs.base, runs.observed(scene).pressed):
+        early = _hold_back(runs, {"force": -hip, "ihip": ihip - hip})
         # Between ticks it is not known which values the renderer had.
         open_between_ticks = np.maximum(
-            *(beside_straight(run.force) + scene.stiffness * beside_straight(run.ihip) for run in (runs.base, early))
+            *(
+                beside_straight(base.force) + scene.stiffness * beside_straight(base.ihip)
+                for base in (runs.base, early.base)
+            )
         )
-        finding = judge(replace(runs, base=early), surface_force_of(early, scene, open_between_ticks))
+        finding = judge(early, surface_force_of(early.observed(scene), open_between_ticks))
         if finding.outcome is Outcome.PASS:
             return replace(finding, message=f"{finding.message}; the answer is {max(hip, -ihip):.2g} ticks late")
     return None
 
 
-def _held_back(base: Recording, ticks: Mapping[str, float]) -> Recording:
-    """Return a recording with some of its channels held back by so many ticks each; a negative number is earlier."""
+def _hold_back(runs: Runs, ticks: Mapping[str, float]) -> Runs:
+    """Return the runs with some channels of the base held back by so many ticks each; a negative number is earlier."""
+    base = runs.base
     rows = np.arange(len(base), dtype=np.int64)
     channels = {name: delayed(base.channels[name], rows, late) for name, late in ticks.items() if name in base.channels}
-    return Recording(base.time, {**base.channels, **channels}, base.meta)
+    return replace(runs, base=Recording(base.time, {**base.channels, **channels}, base.meta))

@@ -9,10 +9,8 @@ import numpy as np
 
 from hapticeval.phenomena.decisions import RIGID_WORK_SHARE, SETTLING_RATIO, TELLING_SHARE
 from hapticeval.phenomena.measures.closed_paths import SampledWork
-from hapticeval.phenomena.measures.stiffness import declared_range
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_row
-from hapticeval.recordings.recording import Recording
-from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
 LAP = "in each lap after the first"
@@ -86,7 +84,7 @@ class Gain:
         return self.open + self.stored
 
 
-def stored_before(base: Recording, span: Span, scene: Scene) -> float:
+def stored_before(base: Observed, span: Span) -> float:
     """Return by how much more may be stored at the start of a span than at its end, J, so that the hand may get it.
 
     - From free space a force F below the floor of contact is that of a spring that holds F^2 / (2 K), of the softest K.
@@ -96,8 +94,8 @@ def stored_before(base: Recording, span: Span, scene: Scene) -> float:
     force_first, force_last = (float(np.linalg.norm(base.force[row])) for row in (span.first, span.last))
     if span.closes_lap:
         return float(np.linalg.norm(base.hip[span.last] - base.hip[span.first])) * max(force_first, force_last)
-    softest, _ = declared_range(base) or (1.0, 1.0)
-    return force_first**2 / (2.0 * softest * scene.stiffness)
+    softest, _ = base.stiffness_range or (1.0, 1.0)
+    return force_first**2 / (2.0 * softest * base.scene.stiffness)
 
 
 def gain_over(sampled: Sequence[SampledWork], span: Span, rounding: Array, stored: float) -> Gain:

@@ -15,7 +15,7 @@ be it only a late force, is what `touching` says.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -38,9 +38,10 @@ from hapticeval.phenomena.decisions import (
     TICKS_AROUND,
     TICKS_BEFORE_JUMP,
 )
-from hapticeval.phenomena.measures.steps import contact_steps, largest_jump
-from hapticeval.phenomena.sampling import touching, worst_row
-from hapticeval.recordings.recording import Recording, single_rounding
+from hapticeval.phenomena.measures.steps import largest_jump
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_row
+from hapticeval.recordings.recording import single_rounding
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -84,13 +85,13 @@ class RoughPlace:
     scales: tuple[Scale, ...]
 
 
-def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> int | None:
+def lets_go(recording: Observed, rows: slice, depth: float) -> int | None:
     """Return the first tick of some rows, after contact was had there, without it and the HIP over `depth` m inside."""
-    contact = touching(recording, scene)[rows]
+    contact = recording.contact[rows]
     lost_rows = np.flatnonzero(np.logical_or.accumulate(contact) & ~contact)
     if lost_rows.size == 0:
         return None
-    inside = lost_rows[scene.model.boundary.signed_distance(recording.hip[rows][lost_rows]) < -depth]
+    inside = lost_rows[recording.boundary.signed_distance(recording.hip[rows][lost_rows]) < -depth]
     return (rows.start or 0) + int(inside[0]) if inside.size else None
 
 
@@ -109,64 +110,53 @@ def aitken(coarse: float, middle: float, fine: float) -> float:
 def jump_at_rate(factor: int, path: Refinable, scene: Scene, tick: int) -> float:
     """Return the largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
     first, last = max(tick - TICKS_BEFORE_JUMP, 0), min(tick + TICKS_AFTER_JUMP, len(path.recording) - 1)
-    return largest_jump(path.refined(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
+    return largest_jump(Observed(path.refined(first, last, factor, lag=LAG_TICKS).recording, scene))[0]
 
 
-def look_closer(path: Refinable, scene: Scene, *, bounds: Array, standoff: float) -> RoughPlace | None:
+def look_closer(path: Refinable, base: Observed, *, bounds: Array, standoff: float) -> RoughPlace | None:
     """Return the first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; or None.
 
-    `standoff` (m) is how far the rendered surface may lie off the model. A place that is steep is the answer only where
-    no other stays or is unresolved.
+    `base` is the path's recording, and `standoff` (m) is how far the rendered surface may lie off the model. A place
+    that is steep is the answer only where no other stays or is unresolved.
     """
-    search = _JumpSearch(path.recording, scene, standoff)
-    place = search.first_place_in(_Look(path, scene, bounds, resolved_step=search.resolved_step))
+    search = _JumpSearch(base, standoff)
+    place = search.first_place_in(_Look(path, base, bounds, lambda row: row, resolved_step=search.resolved_step))
     if place is None:
         return None
     # A proxy that lags moves later than the hand that made it.
-    tick = min(place.tick, len(path.recording) - 1)
+    tick = min(place.tick, len(base) - 1)
     near = slice(tick, tick + LAG_TICKS + 1)
     # The step that is too long: one that may be longer, as a flight, is not this place.
-    return replace(place, tick=tick + worst_row((contact_steps(path.recording, scene) - bounds)[near]))
+    return replace(place, tick=tick + worst_row((base.contact_steps - bounds)[near]))
 
 
 class _Look:
     """A part of the path in finer steps than the look before has it; the first is the recording itself.
 
-    - `path` has its recording, and can run any part of it again in finer steps.
+    - `path` can run any part of its recording, which is `run`, again in finer steps.
     - `bounds` (n,), m, are what its IHIP `steps` (n,), m, may be. In finer steps the bound of a place stays the
       recording's.
+    - `tick` returns the recording's tick that ends the step in which a row lies.
     - `scales`: how the place looked in the looks before.
-    - `coarser`: the look before, of which this begins at the row `begin`, each step in `factor`.
     - `stretches`: first and last row of what is suspect in it, the worst first.
     """
 
     def __init__(
         self,
         path: Refinable,
-        scene: Scene,
+        run: Observed,
         bounds: Array,
+        tick: Callable[[int], int],
         scales: tuple[Scale, ...] = (),
-        coarser: _Look | None = None,
         *,
-        begin: int = 0,
-        factor: int = 1,
         resolved_step: float,
     ) -> None:
-        self.path, self.bounds, self.scales = path, bounds, scales
-        self.coarser, self.begin, self.factor = coarser, begin, factor
-        self.steps = contact_steps(path.recording, scene)
+        self.path, self.run, self.bounds, self.tick, self.scales = path, run, bounds, tick, scales
+        self.steps = run.contact_steps
         # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
         self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * resolved_step
         longest = ROWS_OF_A_LOOK // (FEW_PARTS if len(scales) < 2 else MANY_PARTS)
         self.stretches = _suspect_stretches(self.steps, bounds, longest)
-
-    def tick(self, row: int) -> int:
-        """Return the recording's tick that ends the step in which a row lies."""
-        look = self
-        while look.coarser is not None:
-            row = look.begin + math.ceil(row / look.factor)
-            look = look.coarser
-        return row
 
     def is_settled_by(self, place: RoughPlace | None) -> bool:
         """Return whether no more stretches are to be looked into after one in which finer steps leave `place`."""
@@ -177,10 +167,9 @@ class _Look:
 class _JumpSearch:
     """The search for a jump that stays, in ever finer looks: each is into a stretch of the one before it."""
 
-    def __init__(self, recording: Recording, scene: Scene, standoff: float) -> None:
-        self.scene = scene
+    def __init__(self, base: Observed, standoff: float) -> None:
         # m, what single precision resolves of the whole path's coordinates: those of a place may be near to 0.
-        self.resolved_step = single_rounding(recording.hip)
+        self.resolved_step = single_rounding(base.hip)
         self.tolerance = standoff + self.resolved_step
 
     def first_place_in(self, look: _Look) -> RoughPlace | None:
@@ -197,7 +186,6 @@ class _JumpSearch:
 
     def _look_into(self, look: _Look, first: int, last: int) -> RoughPlace | _Look | None:
         """Return what is left of a stretch of steps above their bounds, or the finer look that has to tell."""
-        recording = look.path.recording
         worst = first + worst_row((look.steps - look.bounds)[first : last + 1])
         scales = self._scales_with(look, worst)
         # The scale says how much finer the next look may be before coordinates are too coarse for it.
@@ -215,14 +203,17 @@ class _JumpSearch:
         begin = max(first - 1 - LAG_TICKS, 0)
         finer = look.path.refined(begin, last, factor, lag=LAG_TICKS)
         above, part = look.steps > look.bounds, (first, last, begin)
-        if not _leads_the_same_way(recording, finer.recording, self.scene, above, part, self.tolerance):
+        finer_run = Observed(finer.recording, look.run.scene)
+        if not _leads_the_same_way(look.run, finer_run, above, part, self.tolerance):
             return RoughPlace(Remains.UNRESOLVED, look.tick(worst), scales[-1].jump, math.nan, scales)
         # The row of the coarse look that ends the step in which each fine row lies.
-        rows = begin + np.ceil(np.arange(len(finer.recording)) / factor).astype(np.intp)
+        rows = begin + np.ceil(np.arange(len(finer_run)) / factor).astype(np.intp)
         bounds = look.bounds[np.minimum(rows, last)]
-        return _Look(
-            finer, self.scene, bounds, scales, look, begin=begin, factor=factor, resolved_step=self.resolved_step
-        )
+
+        def tick(row: int) -> int:
+            return look.tick(begin + math.ceil(row / factor))
+
+        return _Look(finer, finer_run, bounds, tick, scales, resolved_step=self.resolved_step)
 
     def _judge_worst(self, look: _Look) -> RoughPlace | None:
         """Judge the largest step of a look below single precision in which none is above its bound."""
@@ -232,7 +223,7 @@ class _JumpSearch:
 
     def _scales_with(self, look: _Look, row: int) -> tuple[Scale, ...]:
         """Return the scales that were seen before with that of a row of this look."""
-        scale = _measure_scale(look.path.recording, self.scene, look.steps, row, look.scales)
+        scale = _measure_scale(look.run, look.steps, row, look.scales)
         return (*look.scales, scale)
 
 
@@ -271,11 +262,11 @@ def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tu
         pending += [(start, stop) for start, stop in remainders if above[start : stop + 1].any()]
 
 
-def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
+def _measure_scale(recording: Observed, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
     """Measure the jump, the spread and the HIP step (m) around a row whose IHIP steps are `steps` (n,), m."""
     near = slice(max(row - TICKS_AROUND, 0), row + TICKS_AROUND)
     # The spread is the diameter of the IHIPs in contact around the row.
-    points = recording.ihip[near][touching(recording, scene)[near]]
+    points = recording.ihip[near][recording.contact[near]]
     spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2), initial=0.0))
     hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
     surroundings = slice(max(row - FOLLOWING_TICKS, 0), row + FOLLOWING_TICKS)
@@ -287,9 +278,8 @@ def _measure_scale(recording: Recording, scene: Scene, steps: Array, row: int, b
 
 
 def _leads_the_same_way(
-    coarse: Recording,
-    fine: Recording,
-    scene: Scene,
+    coarse: Observed,
+    fine: Observed,
     above: BoolArray,
     part: tuple[int, int, int],
     tolerance: float,
@@ -309,12 +299,12 @@ def _leads_the_same_way(
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
     hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
     depth = LAG_TICKS * hip_step + tolerance
-    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), depth, scene) is not None:
+    if coarse.contact[begin : last + 1].all() and lets_go(fine, slice(None), depth) is not None:
         return False
-    contact = touching(fine, scene)
+    contact = fine.contact
     if not (contact[1:] & contact[:-1]).any():
         return False
-    lengths = contact_steps(fine, scene)
+    lengths = fine.contact_steps
     rows = first + np.flatnonzero(above[first : last + 1])
     return _passes_by(coarse.ihip, fine.ihip, contact, lengths, rows, begin, factor, hip_step + tolerance)
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.decisions import EXTRAPOLATED_HALVINGS, LENGTH_ROUNDING, SETTLING_RATIO
+from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
@@ -27,7 +29,7 @@ class Extrapolated:
     settled: bool
 
 
-def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> Extrapolated:
+def richardson_two_level(runs: Runs, scene: Scene, measure: Callable[[Observed], Array]) -> Extrapolated:
     """Extrapolate what `measure` returns, (n,) or (n, N), to a tick of zero length: 2 q(T/4) - q(T/2).
 
     A held force lags by half a tick, an effect of first order in T (s), which this removes. With d = q(T/2) - q(T) and
@@ -38,10 +40,12 @@ def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> E
 
     `change` is the larger of |d'| and half of |2 d' - d|, in the unit of q.
     """
-    base = measure(runs.base)
+    base = measure(runs.observed(scene))
     if runs.refine is None:
         return Extrapolated(base, float("inf"), False)
-    half, quarter = (_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in (2, 4))
+    half, quarter = (
+        _at_base(measure(Observed(runs.refine(factor), scene)), base.shape[0], factor) for factor in (2, 4)
+    )
     common = min(half.shape[0], quarter.shape[0])
     # A finer run that is shorter shows less, unless the base run itself has ended early.
     if common < base.shape[0] and ("ended" not in runs.base.meta or common < 2):

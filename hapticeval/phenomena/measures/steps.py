@@ -16,64 +16,34 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.decisions import DESCENT_SHARE, DETOUR_BOUNDS, FLIGHT_BOUNDS, LAG_TICKS
-from hapticeval.phenomena.sampling import holding, rounding, steps_to, worst_row
-from hapticeval.recordings.recording import Recording
-from hapticeval.scene import Scene
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import worst_row
 from hapticeval.types import Array
 
 
-def contact_steps(recording: Recording, scene: Scene) -> Array:
-    """Return how far the IHIP moves to each sample from the one before, where both are in contact, else 0: (n,), m.
-
-    A contact ends with its contact point, though a late force may linger.
-    """
-    contact = holding(recording, scene)
-    steps = steps_to(recording.ihip)
-    steps[1:][~(contact[1:] & contact[:-1])] = 0.0
-    return steps
-
-
-def recent_steps(recording: Recording) -> Array:
-    """Return how far in a tick the hand has lately moved, up to each sample: (n,), m.
-
-    A proxy may be late by `LAG_TICKS`. One that waits for them answers a step of the hand up to so many ticks after it.
-    One that nears the hand with such a time constant does by a factor of e^(-1 / LAG_TICKS) in each tick beyond.
-    """
-    steps = steps_to(recording.hip)
-    # The longest of the step and of the LAG_TICKS before it.
-    window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
-    ticks = np.arange(steps.size) / LAG_TICKS
-    with np.errstate(divide="ignore"):
-        # max over j <= i of step_j e^(-(i - j) / LAG_TICKS), as a running maximum in the logarithm
-        fading = np.exp(np.maximum.accumulate(np.log(steps) + ticks) - ticks)
-    # A step fades only behind the LAG_TICKS in which it counts whole.
-    window[LAG_TICKS:] = np.maximum(window[LAG_TICKS:], fading[:-LAG_TICKS])
-    return np.asarray(window)
-
-
-def step_bounds(recording: Recording, scene: Scene, ticks: float, standoff: float) -> Array:
+def step_bounds(recording: Observed, ticks: float, standoff: float) -> Array:
     """Return how far the IHIP may move to each sample, (n,), m: recent steps of so many `ticks`, and the standoff.
 
     Not less than rounding, which moves it where the hand rests.
     """
-    return np.asarray(np.maximum(ticks * recent_steps(recording), rounding(scene)) + standoff)
+    return np.asarray(np.maximum(ticks * recording.recent_steps, recording.rounding) + standoff)
 
 
-def allow_flights(recording: Recording, scene: Scene, bounds: Array) -> Array:
+def allow_flights(recording: Observed, bounds: Array) -> Array:
     """Return `bounds` (n,), m, of the steps to each sample, raised where a step beyond its bound is a flight.
 
     From the worst one on, up to the first that is none: that one decides, whatever the shorter ones are.
     """
-    steps, raised = contact_steps(recording, scene), bounds.copy()
+    steps, raised = recording.contact_steps, bounds.copy()
     suspects = np.flatnonzero(steps > bounds)
     for tick in suspects[np.argsort((bounds - steps)[suspects])].tolist():
-        if not _is_flight(recording, scene.model.boundary, tick, float(bounds[tick])):
+        if not _is_flight(recording, recording.boundary, tick, float(bounds[tick])):
             break
         raised[tick] = steps[tick]
     return raised
 
 
-def _is_flight(recording: Recording, boundary: Boundary, tick: int, bound: float) -> bool:
+def _is_flight(recording: Observed, boundary: Boundary, tick: int, bound: float) -> bool:
     """Return whether a tool near the last IHIP is let go and meets the surface where the IHIP of `tick` is.
 
     Near is within `bound` (m), off the surface by as much; it flies straight to where the hand is, or was up to three
@@ -96,12 +66,12 @@ def _is_flight(recording: Recording, boundary: Boundary, tick: int, bound: float
     return False
 
 
-def bounds_with_flights(recording: Recording, scene: Scene, ticks: float, standoff: float) -> Array:
+def bounds_with_flights(recording: Observed, ticks: float, standoff: float) -> Array:
     """Return the `step_bounds` (n,), m, and of a flight its length, wherever it ends."""
-    return allow_flights(recording, scene, step_bounds(recording, scene, ticks, standoff))
+    return allow_flights(recording, step_bounds(recording, ticks, standoff))
 
 
-def with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: Boundary) -> Array:
+def with_steps_of_pieces(base: Observed, bounds: Array, pieces: Boundary) -> Array:
     """Return `bounds` (n,), m, raised where a step is one that a tool takes which slides on the given pieces.
 
     Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b, from the edge to where the next
@@ -110,7 +80,7 @@ def with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: B
     The renderer's step may end anywhere on the way from its last IHIP to where such a tool gets to, for a hand up to
     three ticks old: off that way by as much as any step may be long, there and back.
     """
-    steps, raised = contact_steps(base, scene), bounds.copy()
+    steps, raised = base.contact_steps, bounds.copy()
     for tick in np.flatnonzero(steps > bounds):
         before, now = base.ihip[tick - 1], base.ihip[tick]
         # A late renderer slides to a hand of up to three ticks ago.
@@ -124,23 +94,23 @@ def with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: B
     return raised
 
 
-def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float, int]:
+def worst_step(recording: Observed, bounds: Array) -> tuple[float, int]:
     """Return the step in contact that is farthest above its bound of `bounds` (n,), m, and the tick at its end.
 
     Where no step is above, the longest one; 0 m at tick 0 where no two samples in a row are in contact.
     """
-    steps = contact_steps(recording, scene)
+    steps = recording.contact_steps
     # How far above its bound; where there is no step in contact there is nothing to be above.
     above = np.where(steps > 0.0, steps - bounds, -math.inf)
     tick = worst_row(above)
-    return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording, scene)
+    return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording)
 
 
-def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
+def largest_jump(recording: Observed) -> tuple[float, int]:
     """Return the largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    contact = holding(recording, scene)
+    contact = recording.holding
     if not (contact[1:] & contact[:-1]).any():
         return 0.0, 0
-    steps = contact_steps(recording, scene)
+    steps = recording.contact_steps
     tick = worst_row(steps[1:]) + 1
     return float(steps[tick]), tick

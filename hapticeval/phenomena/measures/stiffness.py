@@ -7,20 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WIDE_RANGE
-from hapticeval.phenomena.measures.lag import delayed, find_lag
+from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE
+from hapticeval.phenomena.lag import delayed
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    above_force_floor,
-    hand_velocity,
-    log_step,
-    once_a_recording,
-    standoff,
-    touching,
     unit_vectors,
 )
-from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
-from hapticeval.renderer import STIFFNESS_LIMITS, Spring
-from hapticeval.scene import Scene
+from hapticeval.recordings.recording import SINGLE, backward_difference
+from hapticeval.renderer import Spring
 from hapticeval.types import Array, BoolArray, IntArray
 
 
@@ -62,24 +56,6 @@ class ApparentStiffness:
         return ApparentStiffness(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def declared_range(base: Recording) -> tuple[float, float] | None:
-    """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without.
-
-    A file may say more than a renderer may: it counts up to `STIFFNESS_LIMITS`.
-    """
-    softest = base.meta.get("stiffness_least")
-    if softest is None:
-        return None
-    lowest, highest = STIFFNESS_LIMITS
-    return max(float(softest), lowest), min(float(base.meta.get("stiffness_largest", highest)), highest)
-
-
-def declares_wide_range(base: Recording) -> bool:
-    """Return whether the declared stiffness varies by so much that it says next to nothing of the force's size."""
-    softest, stiffest = declared_range(base) or (1.0, 1.0)
-    return stiffest > WIDE_RANGE * softest
-
-
 class PressedTicks(NamedTuple):
     """What is measured of the ticks that call for a force, whatever law their spring has.
 
@@ -94,22 +70,22 @@ class PressedTicks(NamedTuple):
     bending: Array
 
 
-@once_a_recording
-def _pressed_ticks(base: Recording, scene: Scene) -> PressedTicks:
-    """Find the ticks that call for a force, once for all laws."""
-    pressing = _calls_for_force(base, scene)
+def find_pressed_ticks(base: Observed) -> PressedTicks:
+    """Find the ticks that call for a force, the same for all laws."""
+    pressing = _calls_for_force(base)
     ticks = np.flatnonzero(pressing)
-    bending = _curvature_force(base, scene, hand_velocity(base), ticks)
-    return PressedTicks(pressing, ticks, _errors_within_lag(base, scene, ticks), bending)
+    bending = _curvature_force(base, base.velocity, ticks)
+    return PressedTicks(pressing, ticks, _errors_within_lag(base, ticks), bending)
 
 
-def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> ApparentStiffness:
+def measure_stiffness(base: Observed, pressed: PressedTicks, spring: Spring | None) -> ApparentStiffness:
     """Measure the stiffness in each tick that calls for a force, and its ends over all lags that may explain it.
 
     `spring` says whether the law is along the error or across the surface; None is for a force of any direction, of
     which the size alone counts.
     """
-    pressing, now, errors, bending = _pressed_ticks(base, scene)
+    scene = base.scene
+    pressing, now, errors, bending = pressed
     last = len(base) - 1
     # (lags, n): the ticks within a lag of each, cut to the recording.
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
@@ -117,14 +93,14 @@ def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> A
     shares = np.array([_stiffness_share(force, candidate, scene.stiffness, spring) for candidate in errors])
     along, depth = _depth_direction(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
-    silent = ~above_force_floor(base, scene)
+    silent = ~base.pressed
     idle = silent[now]
     if idle.any():
         shares[:, idle] = [
             _stiffness_share(force[idle], candidate[idle], scene.stiffness, Spring.ERROR) for candidate in errors
         ]
         along[idle] = _depth_direction(force[idle], errors[0][idle], Spring.ERROR)[0]
-        depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
+        depth[idle] = _sure_depth(base, spring)[window[:, idle]].min(axis=0)
     # Contact begins or ends within a lag, or the recording does, in which a late IHIP is then missing.
     begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
@@ -138,17 +114,17 @@ def measure_stiffness(base: Recording, scene: Scene, spring: Spring | None) -> A
     low, high = shares.min(axis=0), shares.max(axis=0)
     if "spring" not in base.meta:
         # A tool that stands off by s may be pulled from the surface or from where it stands: its depth is known to s.
-        gap = standoff(base, scene)
+        gap = base.standoff
         low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
         # Where it may be on the surface, no share is known, and that of no force is no NaN.
         unknown = np.where(high < 0.0, -np.inf, np.inf)
         high = np.divide(high * depth, depth - gap, out=unknown, where=depth > gap)
     # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
-    velocity, sinking = hand_velocity(base), backward_difference(base.hip - base.ihip, base.time)
+    velocity, sinking = base.velocity, backward_difference(base.hip - base.ihip, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
-    other_force = _undamped_other_force(base, scene, bending, size, depth)
+    other_force = _undamped_other_force(base, bending, size, depth)
     # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     with np.errstate(divide="ignore", invalid="ignore"):
         damping: Array | float = scene.damping
@@ -180,7 +156,7 @@ def _surely_moving(along: Array, error: Array, velocity: Array, sinking: Array) 
     return np.all(rates > 0.0, axis=0), np.all(rates < 0.0, axis=0)
 
 
-def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[Array]:
+def _errors_within_lag(base: Observed, ticks: IntArray) -> list[Array]:
     """Return HIP less IHIP at some `ticks` (n,), each (n, N), m: of one tick first, then all that a lag may pair."""
     last = len(base) - 1
     errors = [base.hip[ticks] - base.ihip[ticks]]
@@ -189,12 +165,12 @@ def _errors_within_lag(base: Recording, scene: Scene, ticks: IntArray) -> list[A
         # Late are the whole answer, the force alone, or the IHIP's record.
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, ticks), (before, before), (ticks, after))]
     # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
-    late = find_lag(base, scene)
+    late = base.lag
     errors.append(delayed(base.hip, ticks, late.force_hip) - delayed(base.ihip, ticks, late.force_ihip))
     return errors
 
 
-def _undamped_other_force(base: Recording, scene: Scene, bending: Array, sizes: Array, depths: Array) -> Array:
+def _undamped_other_force(base: Observed, bending: Array, sizes: Array, depths: Array) -> Array:
     """Return how much of the force of n ticks is open beside spring and damper, (n,), N: G of the bound.
 
     `bending` (n,), N, is what a law may add that knows the curvature; `sizes` (n,), N, and `depths` (n,), m, are those
@@ -202,34 +178,34 @@ def _undamped_other_force(base: Recording, scene: Scene, bending: Array, sizes: 
     """
     # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
     position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
-    position_rounding += 0.5 * log_step(base, "hip", "ihip")
-    return np.asarray(bending + force_coarseness(base, sizes) + scene.stiffness * position_rounding)
+    position_rounding += 0.5 * base.log_step("hip", "ihip")
+    return np.asarray(bending + force_coarseness(base, sizes) + base.scene.stiffness * position_rounding)
 
 
-def force_coarseness(base: Recording, sizes: Array) -> float:
+def force_coarseness(base: Observed, sizes: Array) -> float:
     """Return how coarse the force is, N: by half the step of a log, and by what is declared.
 
     That counts up to a twentieth of the largest of `sizes` (n,), N: of a coarser one nothing could be told even there.
     """
     declared = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
-    return declared + 0.5 * log_step(base, "force")
+    return declared + 0.5 * base.log_step("force")
 
 
-def _calls_for_force(base: Recording, scene: Scene) -> BoolArray:
+def _calls_for_force(base: Observed) -> BoolArray:
     """Return where a force is called for, (n,): in contact, but where no force is given to a hand outside the model."""
-    pressing = touching(base, scene)
-    silent = np.flatnonzero(pressing & ~above_force_floor(base, scene))
-    if silent.size and not scene.bilateral:
-        pressing[silent] = scene.model.boundary.signed_distance(base.hip[silent]) < 0.0
+    pressing = base.contact.copy()
+    silent = np.flatnonzero(pressing & ~base.pressed)
+    if silent.size and not base.scene.bilateral:
+        pressing[silent] = base.boundary.signed_distance(base.hip[silent]) < 0.0
     return pressing
 
 
-def _sure_depth(base: Recording, scene: Scene, spring: Spring | None) -> Array:
+def _sure_depth(base: Observed, spring: Spring | None) -> Array:
     """Return how deep the hand is by HIP and IHIP and by the model, whichever is less, (n,), m.
 
     A spring across the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
     """
-    boundary, error = scene.model.boundary, base.hip - base.ihip
+    boundary, error = base.boundary, base.hip - base.ihip
     if spring is Spring.NORMAL:
         # Along the normal at the IHIP; nothing above its tangent plane.
         depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
@@ -264,15 +240,15 @@ def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Sprin
     return np.asarray(np.divide(numerator, stiffness * denominator, out=share, where=denominator != 0.0))
 
 
-def largest_other_force(base: Recording, scene: Scene) -> Array:
+def largest_other_force(base: Observed) -> Array:
     """Return how large a damper's force is at most, and the curvature's of one that declares no spring: (n,), N."""
-    velocity = hand_velocity(base)
+    velocity = base.velocity
     sinking = backward_difference(base.hip - base.ihip, base.time)
     speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
-    return np.asarray(scene.damping * speed + _curvature_force(base, scene, velocity, np.arange(len(base))))
+    return np.asarray(base.scene.damping * speed + _curvature_force(base, velocity, np.arange(len(base))))
 
 
-def _curvature_force(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
+def _curvature_force(base: Observed, velocity: Array, ticks: IntArray) -> Array:
     """Return m |kappa| v^2 of the way along the surface (3.8), (n,), N, at `ticks` (n,): what a law may add beside it.
 
     A declared spring adds nothing. v is the speed of the hand, or of the IHIP since the tick before or to the next,
@@ -280,10 +256,10 @@ def _curvature_force(base: Recording, scene: Scene, velocity: Array, ticks: IntA
     """
     if "spring" in base.meta:
         return np.zeros(ticks.size)
-    shape = scene.model.boundary.closest_point(base.ihip[ticks]).shape
+    shape = base.boundary.closest_point(base.ihip[ticks]).shape
     largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
     sliding = backward_difference(base.ihip, base.time)
     after = np.minimum(ticks + 1, len(base) - 1)
     speeds = (np.linalg.norm(velocities, axis=1) for velocities in (velocity[ticks], sliding[ticks], sliding[after]))
     speed = np.max([*speeds], axis=0)
-    return np.asarray(scene.mass * (largest * speed**2))
+    return np.asarray(base.scene.mass * (largest * speed**2))

@@ -17,16 +17,14 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
 )
 from hapticeval.phenomena.measures.stiffness import ApparentStiffness
-from hapticeval.phenomena.sampling import above_force_floor, mm, newtons, worst_row
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import mm, newtons, worst_row
 from hapticeval.quantity import format_number
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
 
-def describe_pattern(
-    base: Recording, scene: Scene, measured: ApparentStiffness, deviates: BoolArray
-) -> tuple[str, dict[str, Any]]:
+def describe_pattern(base: Observed, measured: ApparentStiffness, deviates: BoolArray) -> tuple[str, dict[str, Any]]:
     """Return what the deviations go with, in words, and the numbers that show it."""
     ticks, numbers = measured.ticks[deviates], {"share_off": float(deviates.mean())}
     if measured.begins[deviates].all():
@@ -34,16 +32,16 @@ def describe_pattern(
         return f"a kick where the contact begins or ends: up to {newtons(largest)}", numbers | {"kicks": ticks.size}
     inner = measured.rows(~measured.begins)
     deviates = deviates[~measured.begins]
-    constant = _low_pass_constant(base, scene, inner.ticks)
+    constant = _low_pass_constant(base, inner.ticks)
     if constant is not None:
         filtered = f"it comes late by {1e3 * constant:.3g} ms, as behind a low-pass filter"
         return filtered, numbers | {"low_pass_ms": 1e3 * constant}
-    damping = _fit_damper(scene, inner)
+    damping = _fit_damper(base.scene, inner)
     if damping is not None:
-        damped = f"it is damped by {damping:.3g} N s/m, where the scene has K_d = {scene.damping:g} N s/m"
+        damped = f"it is damped by {damping:.3g} N s/m, where the scene has K_d = {base.scene.damping:g} N s/m"
         return damped, numbers | {"damping_N_s_m": damping}
     # The plainest cause first: a missing force, then what goes with direction, depth, time or place.
-    quiet = _describe_missing_force(base, scene, inner, deviates)
+    quiet = _describe_missing_force(base, inner, deviates)
     if quiet is not None:
         return quiet, numbers
     limit = _limit_of_force(base, inner.rows(deviates))
@@ -89,7 +87,7 @@ def describe_pattern(
     )
 
 
-def _limit_of_force(base: Recording, deviating: ApparentStiffness) -> float | None:
+def _limit_of_force(base: Observed, deviating: ApparentStiffness) -> float | None:
     """Return the force, N, at which it stays where it is too soft, as that of a motor at its limit; None where none is.
 
     There the depth varies by a hundredth or more of the largest, and the force by a tenth of that share at the most.
@@ -121,7 +119,7 @@ def _fit_damper(scene: Scene, measured: ApparentStiffness) -> float | None:
     return damping if residual <= TELLING_SHARE * float(np.sum(unexplained**2)) else None
 
 
-def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float | None:
+def _low_pass_constant(base: Observed, ticks: IntArray) -> float | None:
     """Return the time constant T (s) of a low-pass filter F + T F' = s behind which the force is the spring's s.
 
     By least squares over `ticks` (n,). None where that leaves more than a tenth of |s - F|^2, and without an IHIP.
@@ -129,7 +127,7 @@ def _low_pass_constant(base: Recording, scene: Scene, ticks: IntArray) -> float 
     if "ihip" not in base.channels:
         return None
     ticks = ticks[np.isin(ticks - 1, ticks)]
-    missing = scene.stiffness * (base.ihip[ticks] - base.hip[ticks]) - base.force[ticks]
+    missing = base.scene.stiffness * (base.ihip[ticks] - base.hip[ticks]) - base.force[ticks]
     change = (base.force[ticks] - base.force[ticks - 1]) / base.dt
     power, common = float(np.sum(change**2)), float(np.sum(missing * change))
     # |s - F - T F'|^2 at the T that makes it least is |s - F|^2 less common^2 / power.
@@ -150,7 +148,7 @@ SIDES = {
 
 
 def _explain_by_causes(
-    base: Recording, measured: ApparentStiffness, count: int
+    base: Observed, measured: ApparentStiffness, count: int
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return medians of the stiffness on both sides of what it may go with, and the share that each explains.
 
@@ -197,12 +195,10 @@ def _ends_of(values: Array) -> tuple[BoolArray, BoolArray]:
     return ends[0], ends[1]
 
 
-def _describe_missing_force(
-    base: Recording, scene: Scene, measured: ApparentStiffness, deviates: BoolArray
-) -> str | None:
+def _describe_missing_force(base: Observed, measured: ApparentStiffness, deviates: BoolArray) -> str | None:
     """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
     # A force that is small with its depth, and larger than the spring's, is not missing.
-    silent = ~above_force_floor(base, scene)[measured.ticks] & (measured.ratio < 1.0)
+    silent = ~base.pressed[measured.ticks] & (measured.ratio < 1.0)
     if not (silent & deviates).any():
         return None
     depths = measured.depth
@@ -211,7 +207,7 @@ def _describe_missing_force(
     depth = float(depths[silent].max())
     # All that is silent is shallower than all that is not: a dead band.
     if depth <= float(depths[~silent].min(initial=np.inf)):
-        gives = newtons(scene.stiffness * depth)
+        gives = newtons(base.scene.stiffness * depth)
         return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
     if np.mean(silent[deviates]) < CAUSE_SHARE:
         return None
@@ -220,7 +216,7 @@ def _describe_missing_force(
     return f"no force {_describe_stretch(base, longest)}{others_note}"
 
 
-def _describe_stretches(base: Recording, ticks: IntArray) -> str:
+def _describe_stretches(base: Observed, ticks: IntArray) -> str:
     """Return words for ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
     longest, others_note = _longest_run(ticks)
     if longest.size > LAG_TICKS:
@@ -243,7 +239,7 @@ def _longest_run(ticks: IntArray) -> tuple[IntArray, str]:
     return max(stretches, key=len), others
 
 
-def _describe_stretch(base: Recording, ticks: IntArray) -> str:
+def _describe_stretch(base: Observed, ticks: IntArray) -> str:
     hand = f"with the hand round {mm(*base.hip[ticks].mean(axis=0))}"
     start, end = (f"{base.time[tick]:.4g} s" for tick in ticks[[0, -1]])
     if ticks.size == 1:
@@ -251,7 +247,7 @@ def _describe_stretch(base: Recording, ticks: IntArray) -> str:
     return f"for {ticks.size} ticks from t = {start} to {end}, {hand}"
 
 
-def _describe_extremes(base: Recording, measured: ApparentStiffness) -> str:
+def _describe_extremes(base: Observed, measured: ApparentStiffness) -> str:
     """Return words for where the stiffness is least and where it is largest."""
     group = _place_groups(base.ihip[measured.ticks], GROUP_SAMPLES)
     medians = np.array([np.median(measured.ratio[group == number]) for number in range(group.max() + 1)])

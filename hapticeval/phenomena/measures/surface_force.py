@@ -8,8 +8,8 @@ import numpy as np
 
 from hapticeval.effects.catalogue import VISCOUS_FRICTION
 from hapticeval.phenomena.decisions import COORDINATE_ROUNDINGS
-from hapticeval.phenomena.sampling import above_force_floor, hand_velocity, resolution
-from hapticeval.recordings.recording import DOUBLE, SINGLE, Recording
+from hapticeval.phenomena.observed import Observed
+from hapticeval.recordings.recording import DOUBLE, SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -47,15 +47,16 @@ class SurfaceForce:
         return np.asarray(self.tangential_size / edge)
 
 
-def surface_force_of(base: Recording, scene: Scene, open_between_ticks: Array | None = None) -> SurfaceForce:
+def surface_force_of(base: Observed, open_between_ticks: Array | None = None) -> SurfaceForce:
     """Return the force of every tick by its parts; zero where the force is not above the floor.
 
     `open_between_ticks` (n,), N, is what is not known of the force where a channel was held back by no whole number of
     ticks.
     """
-    pressed = above_force_floor(base, scene)
+    scene = base.scene
+    pressed = base.pressed
     rows = np.flatnonzero(pressed)
-    ihip, force, boundary = base.ihip[rows], base.force[rows], scene.model.boundary
+    ihip, force, boundary = base.ihip[rows], base.force[rows], base.boundary
     frame = boundary.closest_point(ihip)
     unit_normals = frame.normal
     # F_n = n . F, and F_t = F - F_n n
@@ -70,10 +71,10 @@ def surface_force_of(base: Recording, scene: Scene, open_between_ticks: Array | 
     else:
         normal_force = np.sum(push * unit_normals, axis=1)
         tangential_size = np.linalg.norm(tangential_force, axis=1)
-    velocity = along_surface(hand_velocity(base)[rows], unit_normals)
+    velocity = along_surface(base.velocity[rows], unit_normals)
     damper_force = (scene.damping + viscous_coefficient(scene)) * np.linalg.norm(velocity, axis=1)
     # Within a facet's length the surface somewhere has the facet's direction: it leans by kappa times that length.
-    leaning_angle = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1) * resolution(base, scene)
+    leaning_angle = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1) * base.resolution
     # Rounding is a share of the largest numbers that a force is made of: K |x| of positions, and the force itself.
     largest = scene.stiffness * float(np.max(np.abs(base.hip))) + strength
     parts = {
@@ -106,11 +107,11 @@ def viscous_coefficient(scene: Scene) -> float:
     return 0.0 if friction is None else float(friction.coefficient)
 
 
-def ihip_precision(base: Recording) -> float:
+def ihip_precision(base: Observed) -> float:
     """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
 
 
-def ihip_rounding(base: Recording) -> float:
+def ihip_rounding(base: Observed) -> float:
     """Return how far, m, an IHIP may seem to move that does not: the rounding of its coordinates."""
     return COORDINATE_ROUNDINGS * ihip_precision(base) * float(np.max(np.abs(base.hip)))

@@ -12,9 +12,9 @@ from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import FOCAL_EIGENVALUE, HOLD_TICKS, PLACE_ROUNDING, SHARE_ROUNDING, SLIDE_SHARE
 from hapticeval.phenomena.measures.closed_paths import running_sums
 from hapticeval.phenomena.measures.surface_force import along_surface
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -25,13 +25,13 @@ FINER = {"refine": "the same experiment at 2 and 4 times the sampling rate"}
 """What the checks of Problem 7.1 use beside the recording."""
 
 
-def never_across(recording: Recording, message: str, evidence: dict[str, object] | None = None) -> Finding:
+def never_across(base: Observed, message: str, evidence: dict[str, object] | None = None) -> Finding:
     """Return the finding for a tool that is never off the surface, of which a check asks how it comes back.
 
     A controller that is not drawn off it leaves that open. A renderer whose own tool it is, a rigid one, has no such
     motion on any stimulus.
     """
-    if recording.own_tool:
+    if base.own_tool:
         message = (
             "the renderer's own tool is rigid on the surface: it is never off it, and has nothing to come back from"
         )
@@ -47,13 +47,12 @@ class SurfaceMotion:
     projection P_T onto the tangent plane. k counts the samples, N is the dimension.
     """
 
-    recording: Recording
-    scene: Scene
+    base: Observed
 
-    @cached_property
+    @property
     def frame(self) -> ClosestPoint:
         """Return feet (k, N), m, outward normals (k, N), distances (k,), m, and shape operators (k, N, N), 1/m."""
-        return self.scene.model.boundary.closest_point(self.recording.hip)
+        return self.base.nearest
 
     @property
     def distance(self) -> Array:
@@ -63,12 +62,12 @@ class SurfaceMotion:
     @cached_property
     def across(self) -> Array:
         """Return how fast the tool leaves the surface, n' (k,), m/s, outwards."""
-        return np.asarray(np.sum(self.recording.velocity * self.frame.normal, axis=1))
+        return np.asarray(np.sum(self.base.velocity * self.frame.normal, axis=1))
 
     @cached_property
     def along(self) -> Array:
         """Return the tool's own velocity along the surface, P_T y' (k, N), m/s."""
-        return np.asarray(self.recording.velocity - self.across[:, np.newaxis] * self.frame.normal)
+        return np.asarray(self.base.velocity - self.across[:, np.newaxis] * self.frame.normal)
 
     @cached_property
     def foot_velocity(self) -> Array:
@@ -85,12 +84,12 @@ class SurfaceMotion:
         """Return the inward force (k,), N, that keeps the tool on the surface (3.8): m <W p', P_T y'>."""
         # W p' is how fast the normal turns; its part along y' is what bends the path.
         turning = np.einsum("kij,kj->ki", self.frame.shape, self.foot_velocity)
-        return np.asarray(self.scene.mass * np.sum(turning * self.along, axis=1))
+        return np.asarray(self.base.scene.mass * np.sum(turning * self.along, axis=1))
 
     @cached_property
     def stretch(self) -> Array:
         """Return how much faster the tool is than its foot: I + n W, (k, N, N), singular where it has no foot."""
-        return np.eye(self.recording.hip.shape[1]) + self.distance[:, np.newaxis, np.newaxis] * self.frame.shape
+        return np.eye(self.base.hip.shape[1]) + self.distance[:, np.newaxis, np.newaxis] * self.frame.shape
 
     @property
     def footless(self) -> str | None:
@@ -101,7 +100,7 @@ class SurfaceMotion:
         if nearest[tick] > FOCAL_EIGENVALUE:
             return None
         return (
-            f"at t = {self.recording.time[tick]:.4g} s the tool is at a centre of curvature of the surface, where it "
+            f"at t = {self.base.time[tick]:.4g} s the tool is at a centre of curvature of the surface, where it "
             "has no foot to speak of"
         )
 
@@ -137,8 +136,8 @@ class SurfaceMotion:
     @property
     def slides(self) -> bool:
         """Return whether the foot, at its top speed, goes far enough in the run for its motion to show anything."""
-        lasts = float(self.recording.time[-1] - self.recording.time[0])
-        return float(self.foot_speed.max()) * lasts > SLIDE_SHARE * self.scene.model.size
+        lasts = float(self.base.time[-1] - self.base.time[0])
+        return float(self.foot_speed.max()) * lasts > SLIDE_SHARE * self.base.scene.model.size
 
     @property
     def pushed(self) -> BoolArray:
@@ -146,18 +145,18 @@ class SurfaceMotion:
 
         Not where all that it adds up to is the rounding of the tool's momentum, as in a force told from its change.
         """
-        force = self.recording.channels.get("operator_force")
+        force = self.base.channels.get("operator_force")
         if force is None:
-            return np.zeros(len(self.recording), dtype=bool)
-        impulses = np.linalg.norm(force, axis=1) * self.recording.dt
-        momentum = self.scene.mass * float(np.linalg.norm(self.recording.velocity, axis=1).max())
+            return np.zeros(len(self.base), dtype=bool)
+        impulses = np.linalg.norm(force, axis=1) * self.base.dt
+        momentum = self.base.scene.mass * float(np.linalg.norm(self.base.velocity, axis=1).max())
         return np.asarray((impulses > 0.0) & (impulses.sum() > SHARE_ROUNDING * momentum))
 
     @property
     def starts_on_surface(self) -> bool:
         """Return whether the tool starts on the surface and moves along it, to rounding."""
-        near = abs(self.distance[0]) <= PLACE_ROUNDING * self.scene.model.size
-        return bool(near and abs(self.across[0]) <= SHARE_ROUNDING * np.linalg.norm(self.recording.velocity[0]))
+        near = abs(self.distance[0]) <= PLACE_ROUNDING * self.base.scene.model.size
+        return bool(near and abs(self.across[0]) <= SHARE_ROUNDING * np.linalg.norm(self.base.velocity[0]))
 
     def held_distance(self, since: int = 0) -> float:
         """Return how far (m) a held force lets a perfect law drift off the surface, from the tick `since` on.
@@ -171,7 +170,7 @@ class SurfaceMotion:
         if change.size == 0:
             return 0.0
         # n = F / K_p at rest; a force that sets in at once overshoots.
-        return HOLD_TICKS * float(change.max()) * _overshoot(self.scene) / self.scene.stiffness
+        return HOLD_TICKS * float(change.max()) * _overshoot(self.base.scene) / self.base.scene.stiffness
 
     @cached_property
     def held_speed(self) -> Array:
@@ -180,17 +179,17 @@ class SurfaceMotion:
         The force's change from tick to tick along the surface, late by `HOLD_TICKS`, as an impulse.
         """
         # dF_t: what across the surface comes late is the distance's to show.
-        change = along_surface(np.diff(self.recording.force, axis=0), self.frame.normal[:-1])
-        impulse = np.linalg.norm(change, axis=1) * np.diff(self.recording.time)
-        return HOLD_TICKS / self.scene.mass * running_sums(impulse)
+        change = along_surface(np.diff(self.base.force, axis=0), self.frame.normal[:-1])
+        impulse = np.linalg.norm(change, axis=1) * np.diff(self.base.time)
+        return HOLD_TICKS / self.base.scene.mass * running_sums(impulse)
 
     @property
     def sensor_error(self) -> float:
         """Return how far (m) the sensed HIP was from the true one at the most: nothing finer can be held."""
-        measured = self.recording.channels.get("measured_hip")
+        measured = self.base.channels.get("measured_hip")
         if measured is None:
             return 0.0
-        return float(np.max(np.linalg.norm(measured - self.recording.hip, axis=1)))
+        return float(np.max(np.linalg.norm(measured - self.base.hip, axis=1)))
 
 
 def _overshoot(scene: Scene) -> float:

@@ -16,28 +16,19 @@ import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
-from hapticeval.phenomena.measures.steps import recent_steps
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import (
-    across_allowed,
-    evidence_at,
-    hip_steps,
-    holding,
     mm,
-    resolution,
-    rounding,
     steps_to,
-    time_and_hip,
-    touching,
     worst_row,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.recording import Recording, runs_of
-from hapticeval.scene import Scene
+from hapticeval.recordings.recording import runs_of
 from hapticeval.types import Array, BoolArray
 
 
-def find_aside(base: Recording, scene: Scene) -> Finding | None:
+def find_aside(base: Observed) -> Finding | None:
     """Return a failure where an IHIP in contact stands farther aside of the hand than its depth explains; else None.
 
     Aside is how far the IHIP is from the model's point nearest to the HIP, m.
@@ -45,43 +36,39 @@ def find_aside(base: Recording, scene: Scene) -> Finding | None:
     The nearest point moves by up to `STRETCHED_STEPS` HIP steps in a tick, and an IHIP may be three ticks late; the
     surface that is rendered may lie off the model, and be blurred along it, by what is declared.
     """
-    feet = scene.model.boundary.closest_point(base.hip)
+    feet = base.boundary.closest_point(base.hip)
     depth = np.abs(feet.distance)
-    judged, branch_doubt = _followed_rows(base, scene, feet.foot, feet.distance)
+    judged, branch_doubt = _followed_rows(base, feet.foot, feet.distance)
     if not judged.any():
         return None
-    across = across_allowed(base, scene)
-    recent = recent_steps(base)
+    across = base.across_allowed
+    recent = base.recent_steps
     # Aside grows with the depth; beside that a lag's way, what is declared, and what a branch may have hidden.
     allowed = (
-        ASIDE_DEPTHS * (depth + across)
-        + across
-        + resolution(base, scene)
-        + STRETCHED_STEPS * LAG_TICKS * recent
-        + branch_doubt
+        ASIDE_DEPTHS * (depth + across) + across + base.resolution + STRETCHED_STEPS * LAG_TICKS * recent + branch_doubt
     )
     aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
-    _excuse_rigid_tool(base, scene, feet, aside, allowed)
+    _excuse_rigid_tool(base, feet, aside, allowed)
     worst = worst_row(aside - allowed)
     if aside[worst] <= allowed[worst]:
         return None
     message = (
         f"the IHIP is not under the hand: {mm(aside[worst])} from the surface point nearest to it, where it is "
-        f"{mm(depth[worst])} deep, at {time_and_hip(base, worst)}"
+        f"{mm(depth[worst])} deep, at {base.time_and_hip(worst)}"
     )
     metric = Metric("distance of the IHIP from the HIP's nearest surface point", float(aside[worst]), "m")
-    evidence = {**evidence_at(base, worst), "depth_m": float(depth[worst])}
+    evidence = {**base.evidence_at(worst), "depth_m": float(depth[worst])}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
-def _excuse_rigid_tool(base: Recording, scene: Scene, feet: ClosestPoint, aside: Array, allowed: Array) -> None:
+def _excuse_rigid_tool(base: Observed, feet: ClosestPoint, aside: Array, allowed: Array) -> None:
     """Lower `aside` (n,), m, to the distance from a rigid tool, in contacts in which it is more than `allowed` (n,), m.
 
     Such a tool begins where the hand comes in, or at the nearest of `feet` (n rows), and slides on the model downhill
     in distance to the hand; an IHIP may follow it up to three ticks late.
     """
-    boundary = scene.model.boundary
-    for first, end in runs_of(touching(base, scene)):
+    boundary = base.boundary
+    for first, end in runs_of(base.contact):
         astray = np.flatnonzero(aside[first:end] > allowed[first:end])
         if not astray.size:
             continue
@@ -90,7 +77,7 @@ def _excuse_rigid_tool(base: Recording, scene: Scene, feet: ClosestPoint, aside:
         before, entry = base.hip[max(first - 1 - LAG_TICKS, 0)], base.hip[first]
         crossing = boundary.first_crossing(before, entry, grain=step)
         starts = [feet.foot[first] if crossing is None else crossing]
-        if _may_begin_at_ihip(base, scene, feet.distance, first):
+        if _may_begin_at_ihip(base, feet.distance, first):
             starts.append(base.ihip[first])
         for start in starts:
             tools = [start]
@@ -103,21 +90,21 @@ def _excuse_rigid_tool(base: Recording, scene: Scene, feet: ClosestPoint, aside:
                 aside[first + row] = min(aside[first + row], distance)
 
 
-def _may_begin_at_ihip(base: Recording, scene: Scene, distance: Array, first: int) -> bool:
+def _may_begin_at_ihip(base: Observed, distance: Array, first: int) -> bool:
     """Return whether a rigid tool may be where the IHIP is in row `first`, in which a contact is seen first.
 
     A hand that comes in through an edge itself enters by either face. A tool that began with it there has moved no
     farther since than the hand, from where that was last outside by its signed `distance` (n,), m.
     """
-    outside = np.flatnonzero(distance[: first + 1] > rounding(scene))
+    outside = np.flatnonzero(distance[: first + 1] > base.rounding)
     if not outside.size:
         return False
-    moved = float(hip_steps(base)[outside[-1] : first].sum())
+    moved = float(base.hip_steps[outside[-1] : first].sum())
     off = float(np.linalg.norm(base.ihip[first] - base.hip[outside[-1]]))
-    return off <= moved + across_allowed(base, scene)
+    return off <= moved + base.across_allowed
 
 
-def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
+def _followed_rows(base: Observed, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
     """Return in which rows a contact has followed the hand's nearest point since it began, and how far it may be off.
 
     `feet` (n, N), m, are the model's points nearest to the HIPs, and `distance` (n,), m, is signed. A contact follows
@@ -126,11 +113,12 @@ def _followed_rows(base: Recording, scene: Scene, feet: Array, distance: Array) 
 
     The second result, (n,), m, is what a shorter step of the nearest point may have hidden in that way.
     """
-    contact = holding(base, scene)
+    scene = base.scene
+    contact = base.holding
     steps, moved = steps_to(base.hip), steps_to(feet)
     # A nearest point moves by 1 / (1 - kappa d) HIP steps; more than `STRETCHED_STEPS` is another branch.
-    jumps = moved > STRETCHED_STEPS * steps + rounding(scene)
-    near = LAG_TICKS * recent_steps(base) + across_allowed(base, scene)
+    jumps = moved > STRETCHED_STEPS * steps + base.rounding
+    near = LAG_TICKS * base.recent_steps + base.across_allowed
     outside = (distance > near) & (not scene.bilateral)
     judged, branch_doubt = np.zeros(len(base), dtype=bool), np.zeros(len(base))
     for first, end in runs_of(contact):

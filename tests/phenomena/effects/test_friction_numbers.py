@@ -15,6 +15,7 @@ from hapticeval.phenomena.checks import friction, friction_work
 from hapticeval.phenomena.checks.friction import _break_away_ticks
 from hapticeval.phenomena.measures.friction_check import judge_with_lag
 from hapticeval.phenomena.measures.surface_force import surface_force_of
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 
@@ -27,7 +28,7 @@ def numbers(text):
 
 
 def asked(judge, base):
-    return judge(Runs(base), surface_force_of(base, SCENE), SCENE)
+    return judge(Runs(base), surface_force_of(Observed(base, SCENE)), SCENE)
 
 
 def pressed_and_pulled(aside, *, normal=2.0):
@@ -49,7 +50,7 @@ class TestBreakAway:
         return recorded(hip, ihip, force)
 
     def ticks(self, base):
-        return _break_away_ticks(base, surface_force_of(base, SCENE), SCENE, 0.6 * 0.3).tolist()
+        return _break_away_ticks(Observed(base, SCENE), surface_force_of(Observed(base, SCENE)), 0.6 * 0.3).tolist()
 
     def test_a_tool_that_has_rested_for_longer_than_a_lag_breaks_away_where_it_slips(self):
         assert self.ticks(self.ends_with(1e-3)) == [13]
@@ -75,8 +76,8 @@ class TestBreakAway:
         for place, ticks in ((corner, []), (corner + np.array([5e-3, 0.0]), [13])):
             there = changed(base, hip=base.hip + place, ihip=base.ihip + place - [2.0 * STEP, 0.0])
             # What presses and pulls is that of the line.
-            parts = surface_force_of(base, SCENE)
-            assert _break_away_ticks(there, parts, scene, 0.6 * 0.3).tolist() == ticks
+            parts = surface_force_of(Observed(base, SCENE))
+            assert _break_away_ticks(Observed(there, scene), parts, 0.6 * 0.3).tolist() == ticks
 
     def test_a_slip_while_the_press_changes_by_more_than_it_is_known_from_decides_nothing(self):
         even, pressed_on = (self.ends_with(1e-3, normal=np.where(np.arange(16) < 13, 2.0, later)) for later in (2, 3))
@@ -179,7 +180,7 @@ def test_energy_counts_to_the_last_row_and_a_damper_holds_the_step_before():
     force = np.tile([0.0, 0.02], (12, 1))
     force[0], force[10, 0] = 0.0, 5.0
     finding = friction_work.judge_energy(
-        Runs(base := recorded(ihip - force * [0.0, 1e-3], ihip, force)), surface_force_of(base, scene), scene
+        Runs(base := recorded(ihip - force * [0.0, 1e-3], ihip, force)), surface_force_of(Observed(base, scene)), scene
     )
     assert (finding.evidence["tick"], finding.evidence["from_time"]) == (11, 0.0)
     # F . dx of a force that is held
@@ -209,7 +210,7 @@ def test_on_a_curve_the_force_may_turn_by_the_square_of_what_the_hand_is_ahead()
     out, ahead = np.column_stack([np.cos(angle), np.sin(angle)]), np.column_stack([-np.sin(angle), np.cos(angle)])
     force = 2.0 * out - 0.6 * ahead
     base = recorded(0.1 * out - force / 1000.0, 0.1 * out, force)
-    finding = friction.judge_sliding(Runs(base), surface_force_of(base, scene), scene)
+    finding = friction.judge_sliding(Runs(base), surface_force_of(Observed(base, scene)), scene)
     assert finding.outcome is PASS
     assert finding.bound == pytest.approx((10.0 * (1e-4 + (0.6 + 2.0) / 1000.0)) ** 2, rel=1e-2)
 
@@ -242,7 +243,7 @@ def test_a_cone_leans_with_the_facets_of_the_declared_resolution(resolution, exp
 def test_what_is_open_between_ticks_is_open_of_the_force():
     ihip, hip, force = pressed_and_pulled(np.full(5, 0.3))
     base, between = recorded(hip, ihip, force), 0.1 * np.arange(5.0)
-    known, unknown = surface_force_of(base, SCENE), surface_force_of(base, SCENE, between)
+    known, unknown = surface_force_of(Observed(base, SCENE)), surface_force_of(Observed(base, SCENE), between)
     np.testing.assert_allclose(unknown.open_force - known.open_force, between)
     np.testing.assert_array_equal(unknown.open_between_ticks, between)
 
@@ -267,7 +268,8 @@ class TestLateChannels:
 
         def judge(runs, parts):
             np.testing.assert_array_equal(
-                parts.tangential_force, surface_force_of(runs.base, SCENE, parts.open_between_ticks).tangential_force
+                parts.tangential_force,
+                surface_force_of(Observed(runs.base, SCENE), parts.open_between_ticks).tangential_force,
             )
             outcome, words = (PASS, "kept") if keeps(runs.base) else (FAIL, "broken")
             return Finding(outcome, words, Metric("off", 1.0, "N"), 0.5)

@@ -15,6 +15,7 @@ from hapticeval.effects.transients import MATERIALS, ContactImpulse, ContactTran
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.transient import find_contacts, fit
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
@@ -114,7 +115,7 @@ def test_who_answers_a_contact_may_know_the_speed_of_the_tick_after_and_of_none_
     force, (impulse,) = np.array(plain.force), (ContactImpulse(),)
     scene = Scene(model=make_model("line"), effects=(impulse,), mass=0.1)
     force[4, 1] += scene.mass * speed[4 + late] / 1e-3
-    (struck,) = find_contacts(changed(plain, force=force), plain, scene, impulse)
+    (struck,) = find_contacts(Observed(changed(plain, force=force), scene), Observed(plain, scene), impulse)
     assert struck.begin == 4
     assert struck.speed == pytest.approx(speed[4 + known])
 

@@ -13,8 +13,8 @@ from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.lag import delayed
 from hapticeval.phenomena.measures.closed_paths import laps
-from hapticeval.phenomena.measures.lag import delayed
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play

@@ -20,10 +20,10 @@ from hapticeval.phenomena.decisions import (
     TELLING_SHARE,
     WHOLE_LAG,
 )
-from hapticeval.phenomena.sampling import above_force_floor, lengths_of, once_a_recording, rounding, touching
+from hapticeval.phenomena.sampling import lengths_of, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array, IntArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 KINDS_OF_LAG = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
 """How late a force is behind HIP and IHIP in units of one lag: all of the answer late, the force, the IHIP alone."""
@@ -52,17 +52,18 @@ class Lag(NamedTuple):
         return max(self.force_hip, self.force_ihip + self.ihip, 0.0)
 
 
-@once_a_recording
-def find_lag(recording: Recording, scene: Scene) -> Lag:
-    """Return the lags of a run, found once for a recording; 0 for a channel that was not recorded.
+def find_lag(recording: Recording, scene: Scene, contact: BoolArray, pressed: BoolArray | None) -> Lag:
+    """Return the lags of a run in `contact` (n,), with a force where it is `pressed` (n,); None without forces.
 
-    A lag is believed where it explains nine tenths of what is off without it (`TELLING_SHARE`); what is explained
-    without one has none, and neither has what no single lag explains: a latency that changes from tick to tick.
+    It is 0 for a channel that was not recorded. A lag is believed where it explains nine tenths of what is off without
+    it (`TELLING_SHARE`); what is explained without one has none, and neither has what no single lag explains: a latency
+    that changes from tick to tick.
     """
     if "ihip" not in recording.channels:
         return Lag(0.0, 0.0, 0.0)
-    force_hip, force_ihip = _find_force_lag(recording, scene) if "force" in recording.channels else (0.0, 0.0)
-    return Lag(_find_ihip_lag(recording, scene), force_hip, force_ihip)
+    exact = scene.stiffness * rounding(scene)
+    force_hip, force_ihip = (0.0, 0.0) if pressed is None else _find_force_lag(recording, pressed, exact)
+    return Lag(_find_ihip_lag(recording, scene, contact), force_hip, force_ihip)
 
 
 def delayed(values: Array, rows: IntArray, ticks_before: float = 0.0) -> Array:
@@ -153,8 +154,8 @@ def believed_lag(misfit: Callable[[float], float], exact: float) -> tuple[float,
     return (lag, remaining) if remaining <= TELLING_SHARE * without else (0.0, without)
 
 
-def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
-    """Find how late the IHIP is: in free space it is the HIP, and in contact the displacement to the HIP is normal.
+def _find_ihip_lag(recording: Recording, scene: Scene, contact: BoolArray) -> float:
+    """Find how late the IHIP is: in free space it is the HIP, and in `contact` (n,) the displacement to it is normal.
 
     The misfit is the mean of what is left of that displacement: all of it in free space, and its part along the surface
     in contact. A map that has its contact point elsewhere fits at no lag.
@@ -164,8 +165,7 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     if rows.size == 0:
         return 0.0
     ihip = recording.ihip[rows]
-    contact = touching(recording, scene)[rows]
-    inside = np.flatnonzero(contact)
+    inside = np.flatnonzero(contact[rows])
     angle_outside = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
 
     def misfit(lag: float, since: IntArray) -> float:
@@ -187,17 +187,18 @@ def _find_ihip_lag(recording: Recording, scene: Scene) -> float:
     return believed_lag(lambda lag: misfit(lag, since), exact)[0]
 
 
-def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
+def _find_force_lag(recording: Recording, pressed: BoolArray, exact: float) -> tuple[float, float]:
     """Find how late the force is behind the HIP and behind the IHIP: as a spring between them, linear or a root of it.
+
+    It is asked where there is a force, `pressed` (n,); a misfit of up to `exact` (N) is none.
 
     Three kinds are told apart, and of those that fit alike the first counts: the whole answer is late, the force alone
     is, or it is made of an IHIP that is recorded late.
     """
-    rows = _rows_with_force(recording, scene)
+    rows = _rows_with_force(pressed)
     if rows.size == 0:
         return 0.0, 0.0
     misfit = _spring_misfit(recording, rows)
-    exact = scene.stiffness * rounding(scene)
     if misfit(0.0, 0.0) <= exact:
         return 0.0, 0.0
 
@@ -212,22 +213,13 @@ def _find_force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     return hip, ihip
 
 
-def force_lag(base: Recording, scene: Scene) -> float:
-    """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
-
-    A force that rests while HIP - IHIP changes is as much later. Of a force alone see `force_only_lag`.
-    """
-    resting = np.maximum(resting_ticks(base.force) - resting_ticks(base.hip - base.ihip), 0)[touching(base, scene)]
-    return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
-
-
-def likely_force_lags(recording: Recording, scene: Scene) -> list[tuple[float, float]]:
+def likely_force_lags(recording: Recording, pressed: BoolArray) -> list[tuple[float, float]]:
     """Return the lags (ticks) behind HIP and IHIP that explain half of what is off a spring, of each of `KINDS_OF_LAG`.
 
     For a law that is no spring in every tick: whether it is kept with one of these lags has to be asked then. Half is
     `LIKELY_SHARE`.
     """
-    rows = _rows_with_force(recording, scene)
+    rows = _rows_with_force(pressed)
     if rows.size == 0:
         return []
     misfit = _spring_misfit(recording, rows)
@@ -236,10 +228,10 @@ def likely_force_lags(recording: Recording, scene: Scene) -> list[tuple[float, f
     return [(float(hip), float(ihip)) for hip, ihip in best if misfit(hip, ihip) <= LIKELY_SHARE * without]
 
 
-def _rows_with_force(recording: Recording, scene: Scene) -> IntArray:
-    """Return the rows, spread over all, with a force above the floor and three ticks before and after them."""
-    ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
-    return _spread_rows(ends[above_force_floor(recording, scene)[ends]])
+def _rows_with_force(pressed: BoolArray) -> IntArray:
+    """Return the rows, spread over all, with a force above the floor, `pressed` (n,), and three ticks around them."""
+    ends = np.arange(LAG_TICKS, pressed.size - LAG_TICKS, dtype=np.int64)
+    return _spread_rows(ends[pressed[ends]])
 
 
 def _spring_misfit(recording: Recording, rows: IntArray) -> Callable[[float, float], float]:
@@ -268,21 +260,13 @@ def _unit(column: Array) -> Array:
     return np.asarray(column / max(math.sqrt(np.cumsum(np.square(column))[-1]), TINY))
 
 
-def with_nearest_points(recording: Recording, scene: Scene) -> Recording:
-    """Return a run of a renderer without a contact point with one: the surface's point nearest to the hand inside."""
-    at = scene.model.boundary.closest_point(recording.hip)
-    inside = scene.bilateral | (at.distance[:, np.newaxis] < 0.0)
-    channels = {**recording.channels, "ihip": np.where(inside, at.foot, recording.hip)}
-    return Recording(recording.time, channels, recording.meta)
-
-
-def force_only_lag(recording: Recording, scene: Scene) -> int:
-    """Return how many whole ticks late a force is at the most that comes with IHIPs of `with_nearest_points`.
+def force_only_lag(recording: Recording, pressed: BoolArray) -> int:
+    """Return how many whole ticks late a force is at the most that comes with IHIPs of `Observed.with_nearest_points`.
 
     That of the spring from there, linear or a root, that fits it best; between two ticks the later one, for a field
     need not be such a spring.
     """
-    rows = _rows_with_force(recording, scene)
+    rows = _rows_with_force(pressed)
     if rows.size == 0:
         return 0
     misfit = _spring_misfit(recording, rows)
