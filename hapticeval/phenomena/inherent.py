@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, TELLING_SHARE
 from hapticeval.phenomena.regions import Region
-from hapticeval.phenomena.verdict import Finding, Outcome, fault_kind
+from hapticeval.phenomena.verdict import Finding, Outcome
 
 Declared = Mapping[str, Any]
 """What a renderer declares, as the metadata of its recordings have it: see `Declaration.meta`."""
@@ -37,14 +37,11 @@ def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
     # Laws that feed the curvature's force forward press by a spring, too.
     if "spring" not in declared and declared.get("closed_form") not in FED_FORWARD:
         return False
-    impulse, rigid_impulse = (finding.evidence.get(name) for name in ("impulse_in_window_Ns", "impulse_wanted_Ns"))
-    if not isinstance(impulse, float) or not isinstance(rigid_impulse, float):
+    facts = finding.facts
+    impulse, rigid_impulse = facts.impulse_in_window_Ns, facts.impulse_wanted_Ns
+    if impulse is None or rigid_impulse is None or facts.stopped_after_ms is None:
         return False
-    allowed, spring_impulse = rigid_impulse, finding.evidence.get("spring_impulse_Ns")
-    if isinstance(spring_impulse, float):
-        allowed = max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * spring_impulse)
-    # Evidence has the time of the stop only where the tool was stopped.
-    return 0.0 <= impulse <= allowed and "stopped_after_ms" in finding.evidence
+    return 0.0 <= impulse <= max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * (facts.spring_impulse_Ns or 0.0))
 
 
 def _pulls_along_the_error(declared: Declared, _finding: Finding) -> bool:
@@ -56,7 +53,7 @@ def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
     if finding.metric is None or "spring" not in declared or declared.get("closed_form") in FED_FORWARD:
         return False
     # The theorem is about the spring that is declared: a force of another size is not that one's.
-    if "force_over_spring" in finding.evidence:
+    if finding.facts.force_over_spring is not None:
         return False
     # Where the stiffness varies, the error is the softest spring's.
     softest = float(declared.get("stiffness_least", 1.0))
@@ -64,7 +61,7 @@ def _sinks_as_a_spring(declared: Declared, finding: Finding) -> bool:
 
 
 def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bool:
-    return declared.get("memory") == "none" and finding.evidence.get("region") == Region.MEDIAL.value
+    return declared.get("memory") == "none" and finding.facts.region == Region.MEDIAL
 
 
 def _tunnels_without_memory(declared: Declared, finding: Finding) -> bool:
@@ -72,26 +69,27 @@ def _tunnels_without_memory(declared: Declared, finding: Finding) -> bool:
 
     A contact that is let go is no theorem's: the nearest point exists wherever the hand is inside.
     """
-    if declared.get("memory") != "none" or fault_kind(finding.evidence) != "tunnelled":
+    facts = finding.facts
+    if declared.get("memory") != "none" or facts.fault != "tunnelled":
         return False
     # Through a plate that is thinner than three steps of the hand the nearest point hardly moves.
-    return finding.evidence.get("deepest_m") == 0.0 or finding.evidence.get("region") == Region.MEDIAL.value
+    return facts.deepest_m == 0.0 or facts.region == Region.MEDIAL
 
 
 def _jumps_as_the_nearest_point(declared: Declared, finding: Finding) -> bool:
     """Return whether the IHIP jumps no farther than the model's nearest point does there, but for the check's bound."""
-    jump, nearest = finding.metric, finding.evidence.get("nearest_jump_m")
-    if jump is None or finding.bound is None or not isinstance(nearest, float):
+    jump, facts = finding.metric, finding.facts
+    nearest = facts.nearest_jump_m
+    if jump is None or finding.bound is None or nearest is None:
         return False
     # No theorem moves the point off the surface, nor makes it jump where the nearest point does not.
-    if finding.evidence.keys() & {"off_surface_m", "unexplained_jump_m"}:
+    if facts.off_surface_m is not None or facts.unexplained_jump_m is not None:
         return False
     return _projects_across_the_medial_axis(declared, finding) and jump.value <= nearest + finding.bound
 
 
 def _rounds_corners(declared: Declared, finding: Finding) -> bool:
-    corners = (Region.CONVEX.value, Region.CONCAVE.value)
-    return declared.get("surfaces") == "smooth" and finding.evidence.get("region") in corners
+    return declared.get("surfaces") == "smooth" and finding.facts.region in (Region.CONVEX, Region.CONCAVE)
 
 
 def _has_law(*schemes: str) -> Callable[[Declared, Finding], bool]:
@@ -184,7 +182,7 @@ def would_follow(check: str, finding: Finding) -> list[str]:
         dict.fromkeys(
             limit.declared
             for limit in LIMITS
-            if check in limit.checks and "ended" not in finding.evidence and limit.applies(_as_declared(limit), finding)
+            if check in limit.checks and finding.facts.ended is None and limit.applies(_as_declared(limit), finding)
         )
     )
 
@@ -214,7 +212,7 @@ def reason_inherent(check: str, finding: Finding, declared: Declared) -> str:
 
     A loop that ran away does not: no theorem makes it.
     """
-    if finding.outcome is not Outcome.FAIL or "ended" in finding.evidence:
+    if finding.outcome is not Outcome.FAIL or finding.facts.ended is not None:
         return ""
     limits = (limit for limit in LIMITS if check in limit.checks and limit.applies(declared, finding))
     return next((limit.because for limit in limits), "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any
 
@@ -53,6 +53,11 @@ class Finding:
     level: Level | None = None
 
     @property
+    def facts(self) -> Facts:
+        """What others read of the evidence."""
+        return Facts.of(self.evidence)
+
+    @property
     def margin(self) -> float | None:
         """Bound less metric, in the metric's unit: negative is a failure."""
         if self.metric is None or self.bound is None:
@@ -60,9 +65,52 @@ class Finding:
         return self.bound - self.metric.value
 
 
-def fault_kind(evidence: Mapping[str, Any]) -> str:
-    """Return which of the faults that a check tells apart this is: a mini pop-through, a contact let go; "" of none."""
-    return str(evidence.get("severity") or evidence.get("kind") or "")
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """What others read of a failure's evidence: by these it is excused, and told from other faults of its check.
+
+    A check states them, and `evidence` are its entries; `of` reads them back, of a stored verdict too. None is what the
+    check does not say.
+
+    - A collision: what the first ticks took of the momentum, N s, what (3.5) asks for, and what the declared spring
+      gives at the depths of these ticks; when the tool stops, ms, of one that does.
+    - `force_over_spring`: a force that is off the declared spring, as a multiple of it.
+    - `deepest_m`: how deep the hand gets without contact, m.
+    - `off_surface_m`, `unexplained_jump_m`: an IHIP off the surface, and a jump that the nearest point does not make.
+    - `severity`, `kind`: which of the check's faults it is, such as a mini pop-through, or a contact let go.
+    - `region` of the model where it is, and how far the model's nearest point jumps there, m.
+    - `ended`: what ended the run early.
+    """
+
+    impulse_wanted_Ns: float | None = None
+    impulse_in_window_Ns: float | None = None
+    spring_impulse_Ns: float | None = None
+    stopped_after_ms: float | None = None
+    force_over_spring: float | None = None
+    deepest_m: float | None = None
+    off_surface_m: float | None = None
+    unexplained_jump_m: float | None = None
+    severity: str | None = None
+    kind: str | None = None
+    region: str | None = None
+    nearest_jump_m: float | None = None
+    ended: Mapping[str, Any] | None = None
+
+    @classmethod
+    def of(cls, evidence: Mapping[str, Any]) -> Facts:
+        """Return what evidence says."""
+        names = [fact.name for fact in fields(cls)]
+        return cls(**{name: evidence[name] for name in names if evidence.get(name) is not None})
+
+    @property
+    def evidence(self) -> dict[str, object]:
+        """What is stated, as entries of evidence."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+    @property
+    def fault(self) -> str:
+        """Which of the faults that a check tells apart this is; "" of none."""
+        return self.severity or self.kind or ""
 
 
 def not_applicable(message: str) -> Finding:

@@ -14,7 +14,7 @@ from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import note_cut_standoff
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.results import Replay
@@ -197,7 +197,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     # What has failed before the end has failed. A pass until there is none of the whole run: undecided.
     if finding.outcome is Outcome.FAIL:
         return finding
-    evidence = {**finding.evidence, "ended": dict(ended)}
+    evidence = {**finding.evidence, **Facts(ended=dict(ended)).evidence}
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=_end_of(ended), evidence=evidence)
 
 
@@ -207,10 +207,8 @@ def _with_region(finding: Finding, base: Observed) -> Finding:
     if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
         return finding
     region = region_of(base, tick)
-    place: dict[str, Any] = {"region": region.value}
-    if region is Region.MEDIAL:
-        place["nearest_jump_m"] = nearest_jump(base, tick)
-    return replace(finding, evidence={**finding.evidence, **place})
+    place = Facts(region=region.value, nearest_jump_m=nearest_jump(base, tick) if region is Region.MEDIAL else None)
+    return replace(finding, evidence={**finding.evidence, **place.evidence})
 
 
 def _end_by(error: RunawayError) -> dict[str, Any]:
@@ -228,10 +226,10 @@ def _ran_away(ended: Mapping[str, Any], finding: Finding | None = None) -> Findi
 
     It weighs as a must, whatever the check: a gate may not let a loop pass for which no other check is asked.
     """
-    evidence: dict[str, object] = {"time": ended["time"], "tick": ended["tick"], "ended": dict(ended)}
+    evidence = {"time": ended["time"], "tick": ended["tick"], **Facts(ended=dict(ended)).evidence}
     if finding is None or finding.outcome is not Outcome.FAIL:
         return Finding(Outcome.FAIL, _end_of(ended), evidence=evidence, level=Level.MUST)
-    if "ended" in finding.evidence:  # the check has said so itself
+    if finding.facts.ended is not None:  # the check has said so itself
         return replace(finding, level=Level.MUST)
     message = f"{finding.message}; {_end_of(ended)}"
     return replace(finding, message=message, evidence=evidence | dict(finding.evidence), level=Level.MUST)

@@ -32,7 +32,7 @@ from hapticeval.discovery import known_renderers, shipped_lists
 from hapticeval.documents import convert, read_toml, toml_text
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import write_text
-from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
+from hapticeval.phenomena.verdict import UNSATISFIED, Facts, Outcome
 from hapticeval.quantity import format_quantity, plural
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 from hapticeval.suite.outline import find_suites
@@ -78,7 +78,8 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         from hapticeval.phenomena.registry import CHECKS  # which loads all that checks need
 
         metric = verdict.metric
-        kind, region = fault_kind(verdict.evidence), str(verdict.evidence.get("region", ""))
+        facts = Facts.of(verdict.evidence)
+        kind, region = facts.fault, facts.region or ""
         if metric is None:
             return cls(verdict=verdict.place, kind=kind, region=region)
         # A check that measures some of its faults by another metric tells their kinds apart by its name.

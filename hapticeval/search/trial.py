@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError, kind_of, place_in_stack
-from hapticeval.phenomena.verdict import Outcome, fault_kind
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
@@ -204,7 +204,7 @@ def _try_case(renderer: str, seed: int, case: Case) -> TrialResult:
         finding = verdict.finding
         if verdict.outcome not in (Outcome.FAIL, Outcome.ERROR):
             continue
-        kind = "the check itself failed" if verdict.outcome is Outcome.ERROR else fault_kind(finding.evidence)
+        kind = "the check itself failed" if verdict.outcome is Outcome.ERROR else finding.facts.fault
         time_ = finding.evidence.get("time")
         metric = finding.metric
         faults.append(

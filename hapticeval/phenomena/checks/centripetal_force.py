@@ -32,7 +32,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     worst_row,
 )
-from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
@@ -79,9 +79,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     at_zero = _missing_at_zero_error(base)
     if at_zero is not None:
         evidence["force_missing_at_zero_error"] = at_zero
-    off_spring = _force_off_spring(base)
-    if off_spring is not None:
-        evidence["force_over_spring"] = off_spring
+    evidence |= Facts(force_over_spring=_force_off_spring(base)).evidence
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = CHECK.measured(value)

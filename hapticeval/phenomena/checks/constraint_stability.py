@@ -18,7 +18,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion, decay_rate, never_across
 from hapticeval.phenomena.sampling import mm, worst_row
-from hapticeval.phenomena.verdict import Finding, Outcome, compared, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -29,7 +29,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ended = base.meta.get("ended")
     if ended is not None:
         message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
-        return Finding(Outcome.FAIL, message, evidence={**base.evidence_at(len(base) - 1), "ended": dict(ended)})
+        evidence = {**base.evidence_at(len(base) - 1), **Facts(ended=dict(ended)).evidence}
+        return Finding(Outcome.FAIL, message, evidence=evidence)
     motion = SurfaceMotion(base)
     # Judged from the last push on: while it is pushed a tool may well be off.
     first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
@@ -50,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + LENGTH_ROUNDING * scene.model.size
     )
     farthest = worst_row(distance)
-    evidence: dict[str, object] = {
+    evidence = {
         **base.evidence_at(first + farthest),
         "largest_distance_m": float(distance[farthest]),
         "floor_m": floor,

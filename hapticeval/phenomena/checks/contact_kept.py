@@ -15,7 +15,7 @@ from hapticeval.phenomena.sampling import (
     newtons,
     worst_row,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -25,7 +25,7 @@ KIND_WORDS = {
     "not met": "the hand is led into the model and not met",
     "tunnelled": "the tool tunnels through the model",
 }
-"""Words for `evidence["kind"]`: whether there was contact before; tunnelled, where the hand is never deep inside."""
+"""Words for `Facts.kind`: whether there was contact before; tunnelled, where the hand is never deep inside."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -87,8 +87,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ticks, seconds = int(without_contact.sum()), float(durations[without_contact].sum())
     evidence: dict[str, object] = {
         **base.evidence_at(first),
-        "kind": kind,
-        "deepest_m": max(float(depth[without_contact].max()), 0.0),
+        **Facts(kind=kind, deepest_m=max(float(depth[without_contact].max()), 0.0)).evidence,
         "farthest_time": float(base.time[worst]),
         "farthest_hip": listed(base.hip[worst]),
         "lost_ticks": ticks,
@@ -119,7 +118,7 @@ def _find_force_in_free_space(base: Observed) -> Finding | None:
     first, largest = int(np.argmax(pushed)), float(force.max())
     ticks = int(pushed.sum())
     metric = Metric("force in free space", largest, "N")
-    evidence = {**base.evidence_at(first), "kind": "haunts", "pushed_ticks": ticks}
+    evidence = {**base.evidence_at(first), **Facts(kind="haunts").evidence, "pushed_ticks": ticks}
     message = (
         f"the hand feels {newtons(largest)} in free space, where the tool is at the hand: from t = "
         f"{base.time[first]:.4g} s ({ticks} of {len(base)} ticks)"
@@ -157,7 +156,7 @@ def _find_trailing_tool(base: Observed, allowed: Array) -> Finding | None:
         f"{what} {mm(distance[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
-    evidence = {**base.evidence_at(worst), "kind": kind, "trailing_ticks": many}
+    evidence = {**base.evidence_at(worst), **Facts(kind=kind).evidence, "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 

@@ -45,7 +45,7 @@ from hapticeval.phenomena.sampling import (
     steps_to,
     worst_row,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, Metric, Outcome, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -139,7 +139,7 @@ def _find_off_surface(base: Observed) -> Finding | None:
         return None
     message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at {base.time_and_hip(worst)}"
     metric = Metric("distance of the IHIP in contact from the surface", largest_distance, "m")
-    evidence = {**base.evidence_at(worst), "off_surface_m": largest_distance}
+    evidence = {**base.evidence_at(worst), **Facts(off_surface_m=largest_distance).evidence}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
@@ -164,7 +164,7 @@ def _pop_through_message(base: Observed, jump: float, where: str, evidence: dict
     """Return the message for a `jump` (m) that stays; note as evidence whether it is mini or major (section 4.1.2)."""
     # Mini pop-through: between neighbouring pieces of the renderer's own representation.
     mini = jump <= MINI_JUMP_EDGES * base.resolution
-    evidence["severity"] = "mini" if mini else "major"
+    evidence |= Facts(severity="mini" if mini else "major").evidence
     what = "mini pop-through" if mini else "pop-through"
     return f"{what}: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
 
@@ -307,7 +307,8 @@ def _judge_closely(
         message = _pop_through_message(base, place.remaining, where, evidence)
     other = _jump_without_nearest_point(path, base, bounds, surface_gap) if base.meta.get("memory") == "none" else None
     if other is not None and other.tick != place.tick:
-        evidence |= {"unexplained_jump_m": other.remaining, "unexplained_time": float(base.time[other.tick])}
+        evidence |= Facts(unexplained_jump_m=other.remaining).evidence
+        evidence["unexplained_time"] = float(base.time[other.tick])
         message += (
             f"; besides, it jumps {mm(other.remaining)} at {base.time_and_hip(other.tick)}, where the model's "
             "nearest point does not"

@@ -10,7 +10,7 @@ from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, SAME_FACE_COSINE, UNKNOWN_MOMENTUM, WINDOW_TICKS
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
+from hapticeval.phenomena.verdict import Facts, Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -58,17 +58,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     missing = max(required - slower - removed, removed - answered, 0.0) / required
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
-    evidence: dict[str, object] = {
+    # What (3.5) does not ask for, a spring that is pressed already may give.
+    facts = Facts(
+        impulse_wanted_Ns=required,
+        impulse_in_window_Ns=removed,
+        spring_impulse_Ns=_spring_impulse(base, normal, slice(struck, end)) if removed > required else None,
+        stopped_after_ms=stopped_ms,
+    )
+    evidence = {
         **base.evidence_at(struck),
         "approach_speed_m_s": approach,
-        "impulse_wanted_Ns": required,
-        "impulse_in_window_Ns": removed,
+        **facts.evidence,
         "peak_force_N": float(np.max(base.force[struck:] @ normal)),
-        "stopped_after_ms": stopped_ms,
     }
-    if removed > required:
-        # What (3.5) does not ask for, a spring that is pressed already may give.
-        evidence["spring_impulse_Ns"] = _spring_impulse(base, normal, slice(struck, end))
     message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
     left = np.flatnonzero(~contact[struck:])
