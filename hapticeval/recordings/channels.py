@@ -115,7 +115,10 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "stiffness_least": ("positive", "least stiffness that the renderer declares, as a share of the scene's"),
         "stiffness_largest": ("positive", "its largest; without one 32 times the scene's"),
         "force_resolution": ("force", "how coarse the renderer declares its force to be, N"),
-        "contact_point": ("text", "none, of a renderer that declares to have a force only"),
+        "contact_point": (
+            "text",
+            "none, of a force without a contact point; nearest, of one at the model's nearest point",
+        ),
         "closed_form": ("text", "regulation scheme whose law the renderer declares to be"),
         "memory": ("text", "none, of a renderer that declares its IHIP to depend on the HIP alone"),
         "surfaces": ("text", "smooth, of a renderer that declares to be made for surfaces without corners"),

@@ -14,6 +14,7 @@ from hapticeval.effects.actuators import JointFriction, Saturation
 from hapticeval.effects.reliefs import BumpMap, HeightMap
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.checks.contact_normal_force import (
+    StaticBalance,
     _angles,
     _bend_angle,
     _error_vector_angles,
@@ -260,20 +261,20 @@ class TestNormalForce:
         _, allowed, _ = _static_balance(Observed(self.pressed(speed=speed), LINE))
         assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
         fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
-        assert "momentum may make a tenth" in _static_balance(Observed(self.pressed(speed=fast), LINE))
-        assert isinstance(_static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), tuple)
-        assert "not at rest" in _static_balance(Observed(self.pressed(drift=1e-4), LINE))
-        assert "does not push" in _static_balance(Observed(self.pressed(push=-2.0), LINE))
+        assert "momentum may make a tenth" in _static_balance(Observed(self.pressed(speed=fast), LINE)).reason
+        assert isinstance(_static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), StaticBalance)
+        assert "not at rest" in _static_balance(Observed(self.pressed(drift=1e-4), LINE)).reason
+        assert "does not push" in _static_balance(Observed(self.pressed(push=-2.0), LINE)).reason
         held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
-        assert _static_balance(Observed(self.pressed(), held)) == ""
-        assert _static_balance(Observed(self.pressed(count=1), LINE)) == ""
+        assert _static_balance(Observed(self.pressed(), held)).reason == ""
+        assert _static_balance(Observed(self.pressed(count=1), LINE)).reason == ""
 
     @pytest.mark.parametrize(("drift", "rests"), [(1.03e-5, True), (1.05e-5, False)])
     def test_a_tool_that_stands_off_is_at_rest_within_three_steps_and_the_standoff(self, drift, rests):
         """Over 100 rows it drifts by 99 steps, of which 96 have to be within the millimetre that it stands off by."""
         base = self.pressed(drift=drift)
         off = changed(base, ihip=base.ihip + np.array([0.0, 1e-3]), meta={"standoff": 1e-3})
-        assert isinstance(_static_balance(Observed(off, LINE)), tuple) is rests
+        assert isinstance(_static_balance(Observed(off, LINE)), StaticBalance) is rests
 
     def test_force_and_push_are_taken_along_the_normal_where_the_tool_ends(self):
         round_scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)

@@ -299,11 +299,17 @@ def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
 @pytest.mark.parametrize(
     ("said", "digits", "turn", "outcome", "words"),
     [
-        ("minimum-distance+pp-pd", 16, 0.0, Outcome.PASS, "judged at the model's point nearest to the HIP"),
-        ("minimum-distance", 4, 0.0, Outcome.PASS, "as minimum-distance has it"),
-        ("minimum-distance", 4, 0.1, Outcome.FAIL, "off every true normal"),
-        ("constraint", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
-        ("", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
+        ({"contact_point": "nearest"}, 16, 0.0, Outcome.PASS, "judged at the model's point nearest to the HIP"),
+        ({"contact_point": "nearest"}, 4, 0.0, Outcome.PASS, "where it is declared to be"),
+        ({"contact_point": "nearest"}, 4, 0.1, Outcome.FAIL, "off every true normal"),
+        (
+            {"renderer": "minimum-distance"},
+            16,
+            0.0,
+            Outcome.INCONCLUSIVE,
+            "not declared that the contact point is there",
+        ),
+        ({}, 16, 0.0, Outcome.INCONCLUSIVE, "not declared that the contact point is there"),
     ],
 )
 def test_a_log_without_ihip_is_judged_by_what_it_has(tmp_path, said, digits, turn, outcome, words):
@@ -311,7 +317,7 @@ def test_a_log_without_ihip_is_judged_by_what_it_has(tmp_path, said, digits, tur
     time = np.arange(1000) * 1e-3
     depth = np.maximum(0.0, 0.002 * np.sin(8.0 * time))
     hip = (0.1 - depth)[:, None] * np.column_stack([np.cos(2.0 * time), np.sin(2.0 * time)])
-    log = circle_run(time, hip=hip, channels=("force",), meta={"renderer": said, "source": "file"})
+    log = circle_run(time, hip=hip, channels=("force",), meta={**said, "source": "file"})
     cos, sin = np.cos(turn), np.sin(turn)
     force = np.round(log.force @ np.array([[cos, sin], [-sin, cos]]), digits)
     log = Recording(time, {"hip": hip, "force": force}, log.meta)

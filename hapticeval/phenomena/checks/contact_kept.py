@@ -31,9 +31,9 @@ KIND_WORDS = {
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
     base = runs.observed(scene)
-    pushed_in_free_space = _find_force_in_free_space(base)
-    if pushed_in_free_space is not None:
-        return pushed_in_free_space
+    haunted = _find_force_in_free_space(base)
+    if haunted is not None:
+        return haunted
     if base.lacks_ihip:
         return without_ihip(base)
     steps, size = base.hip_steps, scene.model.size

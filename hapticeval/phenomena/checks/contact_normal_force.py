@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,18 +30,37 @@ from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
-NEAREST = "minimum-distance"
-"""The renderer whose contact point is the model's point nearest to the HIP, whatever came before."""
+
+class StaticBalance(NamedTuple):
+    """A run that ends at rest: force less push along the normal, what the momentum allows of that, and the push, N."""
+
+    difference: float
+    allowed: float
+    push: float
+
+
+class Unbalanced(NamedTuple):
+    """A run of which the size of the force at rest is not judged; without a `reason` where nobody would ask."""
+
+    reason: str
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Judge the direction first; then, where the run ends in rest under an operator's push, the magnitude."""
     base = runs.observed(scene)
-    pressed_rows = np.flatnonzero(base.pressed)
-    if pressed_rows.size == 0:
+    if not base.pressed.any():
         return undecided("no force above the floor: the tool never presses on the surface")
-    if "ihip" not in base.channels:
-        return _without_ihip(base, pressed_rows)
+    return _judge(base) if "ihip" in base.channels else _judge_without_ihip(base)
+
+
+def _judge(base: Observed) -> Finding:
+    finding, granted = _judge_direction(base)
+    return finding if finding.outcome is Outcome.FAIL else _judge_balance(base, finding, granted)
+
+
+def _judge_direction(base: Observed) -> tuple[Finding, str]:
+    """Return what the force's direction shows, and in words what a declared resolution had to grant it."""
+    scene, pressed_rows = base.scene, np.flatnonzero(base.pressed)
     declared, near = base.resolution, _normal_reach(base)[pressed_rows]
     # Around the IHIP every normal within its lag and the declared resolution is a true one.
     angle_outside = base.boundary.normal_cone(base.ihip[pressed_rows], near + declared)
@@ -74,7 +94,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         message = (
             f"the force of {newtons(size)} {direction} {angle:.3g} degrees ({newtons(aside, 2)}) off {where}{late}"
         )
-        return Finding(Outcome.FAIL, message, metric, bound, evidence)
+        return Finding(Outcome.FAIL, message, metric, bound, evidence), ""
     granted = ""
     if declared > 0.0:
         # How far the force would be off without the declared resolution: said, though it is granted.
@@ -87,48 +107,52 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             leaning = math.degrees(float(deviation_without[neediest]))
             evidence["angle_by_resolution_deg"] = leaning
             granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
+    message = f"the force is along the surface normal throughout{granted}"
+    return Finding(Outcome.PASS, message, metric, bound, evidence), granted
+
+
+def _judge_balance(base: Observed, finding: Finding, granted: str) -> Finding:
+    """Add to the pass of a force's direction what its size at rest shows."""
     balance = _static_balance(base)
-    if isinstance(balance, str):
-        message = f"the force is along the surface normal throughout{granted}"
-        if base.meta.get("source") == "experiment" and balance:
-            message += f"; {balance}, so the size of the force is not judged"
-        return Finding(Outcome.PASS, message, metric, bound, evidence)
-    difference, static_bound, push = balance
+    if isinstance(balance, Unbalanced):
+        if base.meta.get("source") != "experiment" or not balance.reason:
+            return finding
+        return replace(finding, message=f"{finding.message}; {balance.reason}, so the size of the force is not judged")
     depth = float(np.linalg.norm(base.hip[-1] - base.ihip[-1]))
-    evidence |= {
-        "static_difference_N": difference,
-        "static_bound_N": static_bound,
-        "operator_normal_N": push,
+    evidence = {
+        **finding.evidence,
+        "static_difference_N": balance.difference,
+        "static_bound_N": balance.allowed,
+        "operator_normal_N": balance.push,
         "static_depth_m": depth,
-        "apparent_stiffness_N_m": push / depth if depth > 0.0 else None,
+        "apparent_stiffness_N_m": balance.push / depth if depth > 0.0 else None,
     }
-    if abs(difference) > static_bound:
-        message = f"at rest the force is {difference:.3g} N off the operator's normal component of {push:.3g} N (3.3)"
-        magnitude = Metric("static force less the operator's normal component", abs(difference), "N")
-        return Finding(Outcome.FAIL, message, magnitude, static_bound, evidence)
+    off, push = abs(balance.difference), f"{balance.push:.3g} N"
+    if off > balance.allowed:
+        message = f"at rest the force is {balance.difference:.3g} N off the operator's normal component of {push} (3.3)"
+        magnitude = Metric("static force less the operator's normal component", off, "N")
+        return Finding(Outcome.FAIL, message, magnitude, balance.allowed, evidence)
     message = (
-        f"normal throughout{granted}, and equal at rest to the operator's {push:.3g} N to within "
-        f"{abs(difference):.2g} N, {mm(depth)} deep"
+        f"normal throughout{granted}, and equal at rest to the operator's {push} to within {off:.2g} N, "
+        f"{mm(depth)} deep"
     )
-    return Finding(Outcome.PASS, message, metric, bound, evidence)
+    return replace(finding, message=message, evidence=evidence)
 
 
-def _without_ihip(recording: Observed, pressed_rows: IntArray) -> Finding:
+def _judge_without_ihip(base: Observed) -> Finding:
     """Judge the force of a recording without IHIP against the normal at the model's point nearest to the HIP.
 
-    That is where a minimum-distance renderer has its contact point, and others with a memory may have theirs elsewhere:
-    of these nothing is decided.
+    A renderer may declare that its contact point is there. Others, with a memory or a map, have theirs elsewhere: of
+    these nothing is decided.
     """
-    ihip = recording.hip.copy()
-    ihip[pressed_rows] = recording.boundary.closest_point(ihip[pressed_rows]).foot
-    finding = judge(Runs(recording.with_channels(ihip=ihip).recording), recording.scene)
+    finding = _judge(base.with_channels(ihip=np.where(base.pressed[:, np.newaxis], base.nearest.foot, base.hip)))
     # The evidence names the point that was assumed, and not an IHIP that nobody recorded.
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
     assumed = "no IHIP was recorded: judged at the model's point nearest to the HIP"
-    if str(recording.meta.get("renderer", "")).partition("+")[0].partition("@")[0] == NEAREST:
-        return replace(finding, message=f"{finding.message} ({assumed}, as {NEAREST} has it)", evidence=evidence)
+    if base.meta.get("contact_point") == "nearest":
+        return replace(finding, message=f"{finding.message} ({assumed}, where it is declared to be)", evidence=evidence)
     angle = "" if finding.metric is None else f" the force is {finding.metric.value:.3g} {finding.metric.unit} off, and"
-    message = f"{assumed},{angle} only of a {NEAREST} renderer is that the contact point"
+    message = f"{assumed},{angle} it is not declared that the contact point is there"
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
@@ -289,29 +313,29 @@ def _corner_rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array
     return np.asarray(np.arctan2(rounded, heights))
 
 
-def _static_balance(recording: Observed) -> tuple[float, float, float] | str:
-    """Return force less push along the normal, what the momentum allows, and the push, N; else why there is none.
+def _static_balance(recording: Observed) -> StaticBalance | Unbalanced:
+    """Return how force and push balance at rest, or why there is nothing to balance.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
     v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push.
 
-    Without words where it is not asked: without an operator, or of a constraint that holds from both sides.
+    Nobody asks without an operator, or of a constraint that holds from both sides.
     """
     scene = recording.scene
     if "operator_force" not in recording.channels or scene.bilateral:
-        return ""
+        return Unbalanced("")
     count = max(int(STATIC_SHARE * len(recording)), 2)
     if count > len(recording):
-        return ""
+        return Unbalanced("")
     window = slice(len(recording) - count, len(recording))
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
     # At one place as well as one can be told: and so with one normal.
     still = recording.position_tolerance
     if not recording.contact[window].all():
-        return "the tool is not in contact to the end"
+        return Unbalanced("the tool is not in contact to the end")
     if travel > still:
-        return "the tool is not at rest at the end"
+        return Unbalanced("the tool is not at rest at the end")
     normal = recording.boundary.closest_point(ihip[-1:]).normal[0]
     # The last force acts behind the last velocity that is known.
     acting = slice(window.start, window.stop - 1)
@@ -319,7 +343,7 @@ def _static_balance(recording: Observed) -> tuple[float, float, float] | str:
     # The push is positive into the surface.
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
     if _motors_hold_back(recording, acting):
-        return "at the end motors hold back what the renderer asks for"
+        return Unbalanced("at the end motors hold back what the renderer asks for")
     momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
     if not isinstance(scene.robot, PointMass):
         # The inertia of a robot differs with the direction: what moves along the surface has a momentum across it too.
@@ -328,11 +352,11 @@ def _static_balance(recording: Observed) -> tuple[float, float, float] | str:
     # 2 m v_max / W, and the rounding of a push in single precision
     allowed = 2.0 * momentum / ((count - 1) * recording.dt) + SINGLE * abs(push)
     if push <= 0.0:
-        return "at the end the operator does not push into the surface"
+        return Unbalanced("at the end the operator does not push into the surface")
     if allowed > TELLING_SHARE * push:
-        return "at the end the tool's momentum may make a tenth of the push or more"
+        return Unbalanced("at the end the tool's momentum may make a tenth of the push or more")
     # (3.3): F_n = -(n_e . F_o) n_e, so the difference is zero at rest.
-    return force - push, allowed, push
+    return StaticBalance(force - push, allowed, push)
 
 
 def _motors_hold_back(recording: Observed, rows: slice) -> bool:

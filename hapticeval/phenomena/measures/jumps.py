@@ -353,13 +353,11 @@ def _judge_scales(scales: tuple[Scale, ...], tick: int, bound: float, resolved_s
     if last is not finest_resolved and last.spread >= JUMP_SPREAD_SHARE * finest_resolved.spread:
         return RoughPlace(Remains.STAYS, tick, last.jump, slope, scales)
     below = [scale for scale in scales[finest + 1 :] if scale.follows_hand]
-    if (
-        slope < LEAST_EXPONENT
-        and below
-        and _spread_exponent(below[-2] if len(below) > 1 else finest_resolved, below[-1]) > SMOOTH_EXPONENT
-    ):
+    *coarser, finer = finest_resolved, *below
+    becomes_smooth = bool(coarser) and _spread_exponent(coarser[-1], finer) > SMOOTH_EXPONENT
+    if slope < LEAST_EXPONENT and becomes_smooth:
         # HIP travel over which the spread rises at the slope of the finest step.
-        rise = math.inf if below[-1].jump == 0.0 else finest_resolved.spread * below[-1].hip_step / below[-1].jump
+        rise = math.inf if finer.jump == 0.0 else finest_resolved.spread * finer.hip_step / finer.jump
         return RoughPlace(Remains.STAYS, tick, finest_resolved.jump, slope, scales) if rise < resolved_step else None
     # Three spreads in a row: their limit by Aitken, where they shrink at a steady ratio.
     if len(below) == LOOKS_BELOW_SINGLE:
