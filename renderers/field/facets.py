@@ -1,10 +1,10 @@
-"""Edges in the plane and triangles in space as rows of one kind, for renderers that touch facets."""
+"""Edges in the plane and triangles in space as rows of one kind, and a grid that tells which of them are near."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import inner
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.laws import law_data
-from hapticeval.records import as_record, record_type
+from hapticeval.records import as_record, numbers_of, record_type
 from hapticeval.renderer import CompiledStep, Declaration, Spring
 from hapticeval.renderers.projective import LawRenderer, once
 from hapticeval.types import Array
@@ -59,6 +59,88 @@ def facets_of(scene: Scene) -> tuple[Facets, Array]:
     model = scene.model
     facets = once(model, ("facets", FINE), lambda: model.mesh(max_error=FINE * model.size))
     return facets, once(model, ("facet rows", FINE), lambda: _rows(facets))
+
+
+CELL_GRID = record_type("low_x", "low_y", "low_z", "side", "across", "up", "deep")
+"""A grid of cubes: its lowest corner (m), the side of a cube (m), and the cubes along x, y and z."""
+
+LISTED_EACH = 32
+"""Cubes in which a facet is listed at the most, on average: where facets are of very different sizes cubes grow."""
+
+
+class FacetGrid(NamedTuple):
+    """Which facets come near a point, by the cube of a grid that it lies in.
+
+    - `grid`: the numbers of a `CELL_GRID`;
+    - `cubes` (2, c + 1): the numbers of the cubes that have facets, increasing, and where their lists begin;
+    - `facets` (entries, 1): the lists, each increasing.
+    """
+
+    grid: Array
+    cubes: Array
+    facets: Array
+
+
+def facet_grid(rows: Array, margin: float) -> FacetGrid:
+    """Return a grid of which each cube lists the `rows` (n, 16), m, that come within a `margin` (m) of a point in it.
+
+    A cube is as wide as half of the facets with their margins: it lists some ten, however many there are in all.
+    """
+    facets = rows.view(FACET)[:, 0]
+    corners = np.stack([facets["a"], facets["b"], facets["c"]])
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    side = float(np.median((high - low).max(axis=1)))
+    start = low.min(axis=0)
+    while True:
+        first, last = (np.floor((ends - start) / side).astype(np.int64) for ends in (low, high))
+        spans = last - first + 1
+        counts = spans.prod(axis=1)
+        if counts.sum() <= LISTED_EACH * len(rows):
+            break
+        side *= 1.5
+    across, up, deep = (int(count) for count in last.max(axis=0) + 1)
+    facet = np.repeat(np.arange(len(rows)), counts)
+    # the n-th cube of a facet, by its place along x, y and z
+    number = np.arange(len(facet)) - np.repeat(np.cumsum(counts) - counts, counts)
+    x = first[facet, 0] + number % spans[facet, 0]
+    y = first[facet, 1] + number // spans[facet, 0] % spans[facet, 1]
+    z = first[facet, 2] + number // (spans[facet, 0] * spans[facet, 1])
+    cubes = x + across * (y + up * z)
+    order = np.argsort(cubes, kind="stable")
+    numbers, heads = np.unique(cubes[order], return_index=True)
+    return FacetGrid(
+        numbers_of(
+            CELL_GRID, low_x=start[0], low_y=start[1], low_z=start[2], side=side, across=across, up=up, deep=deep
+        ),
+        np.array([[*numbers, across * up * deep], [*heads, len(facet)]], dtype=np.float64),
+        facet[order, np.newaxis].astype(np.float64),
+    )
+
+
+@inner
+def cubes_between(grid: Array, p: Triple, q: Triple) -> tuple[int, int, int, int, int, int]:
+    """Return the first and the last cube along x, y and z of the box that p and q, m, span; none outside the grid."""
+    cells = as_record(grid, CELL_GRID)
+    return (
+        max(math.floor((min(p[0], q[0]) - cells.low_x) / cells.side), 0),
+        min(math.floor((max(p[0], q[0]) - cells.low_x) / cells.side), int(cells.across) - 1),
+        max(math.floor((min(p[1], q[1]) - cells.low_y) / cells.side), 0),
+        min(math.floor((max(p[1], q[1]) - cells.low_y) / cells.side), int(cells.up) - 1),
+        max(math.floor((min(p[2], q[2]) - cells.low_z) / cells.side), 0),
+        min(math.floor((max(p[2], q[2]) - cells.low_z) / cells.side), int(cells.deep) - 1),
+    )
+
+
+@inner
+def listed_in(grid: Array, cubes: Array, x: int, y: int, z: int) -> tuple[int, int]:
+    """Return from where to where the facets of a cube are listed; (0, 0) for one that has none."""
+    cells = as_record(grid, CELL_GRID)
+    number = float(x + int(cells.across) * (y + int(cells.up) * z))
+    numbers = cubes[0]
+    place = np.searchsorted(numbers, number)
+    if numbers[place] != number:
+        return 0, 0
+    return int(cubes[1, place]), int(cubes[1, place + 1])
 
 
 def _rows(facets: Facets) -> Array:

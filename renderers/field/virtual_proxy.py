@@ -49,12 +49,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, inner
 from hapticeval.geometry.mesh_kernels import closest_in_cone
 from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.laws import LawData
 from hapticeval.records import as_record, record_type, room_for
-from hapticeval.renderers.field.facets import FACET, OnFacets, away_from_facet
+from hapticeval.renderers.field.facets import (
+    FACET,
+    OnFacets,
+    away_from_facet,
+    cubes_between,
+    facet_grid,
+    facets_of,
+    listed_in,
+)
+from hapticeval.renderers.projective import once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -79,14 +88,31 @@ BALL_CONTACT = record_type("distance", "facet", "is_closest", base=record_type(n
 CONTACT_NUMBERS = room_for(BALL_CONTACT)
 
 BALL_PARAMS = record_type("stiffness", "radius")
-"""The law's numbers: K (N/m) and r (m). Its state is the centre (3,), m, at z = 0 in the plane."""
+"""The law's numbers: K (N/m) and r (m); then those of the grid of facets.
+
+Its state is the centre (3,), m, at z = 0 in the plane.
+"""
+
+
+GRID_AT = room_for(BALL_PARAMS)
+"""Where the grid's numbers begin among the law's."""
 
 
 class VirtualProxy(OnFacets):
     """A ball of `radius` (m), its centre the IHIP."""
 
     def __init__(self, scene: Scene, *, radius: float) -> None:
-        super().__init__(follow, scene, own=[radius], state=3, standoff=radius * (1.0 + 2.0 * BALL_GAP))
+        _, rows = facets_of(scene)
+        near = once(scene.model, ("facet grid", radius), lambda: facet_grid(rows, radius * (1.0 + 4.0 * BALL_GAP)))
+        super().__init__(
+            follow,
+            scene,
+            own=[radius, *near.grid],
+            state=3,
+            standoff=radius * (1.0 + 2.0 * BALL_GAP),
+            tree=near.cubes,
+            lookup=near.facets,
+        )
         self._reach = radius * (1.0 + BALL_GAP)
 
     def reset(self, hip: Array) -> None:
@@ -98,44 +124,65 @@ class VirtualProxy(OnFacets):
 
 
 @compiled
-def first_touch(facets: Array, radius: float, p: Triple, d: Triple) -> float:
-    """Return the share t of the way d from p after which a ball first touches one of `facets` (c, 16): 1 if none.
+def first_touch(data: LawData, radius: float, p: Triple, d: Triple) -> float:
+    """Return the share t of the way d from p, m, after which a ball of a `radius` (m) first touches a facet: 1 if none.
 
     The distance f(t) from a facet, which is convex, is a convex function. Newton's steps from the left never pass its
     first root f(t) = r, and where f rises there is none: nothing is tunnelled through.
     """
-    length, first_share = math.sqrt(dot(d, d)), 1.0
-    for k in range(facets.shape[0]):
-        facet = as_record(facets, FACET, k)
-        apart = plus(triple_of(facet.middle), -1.0, p)
-        reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP) + first_share * length
-        if dot(apart, apart) > reach * reach:
-            continue
-        t = 0.0
-        for _ in range(MOST_STRETCHES):
-            distance, n = away_from_facet(facets, k, plus(p, t, d))
-            slope = dot(n, d)
-            if slope >= ALONG_FACET * length or t >= first_share:
-                break
-            clearance = distance - radius * (1.0 + BALL_GAP)
-            if clearance <= 0.01 * radius * BALL_GAP:
-                first_share = t
-                break
-            t -= clearance / slope  # Newton: f(t) + f'(t) dt = r
+    grid, first_share = data.params[GRID_AT:], 1.0
+    x0, x1, y0, y1, z0, z1 = cubes_between(grid, p, plus(p, 1.0, d))
+    for z in range(z0, z1 + 1):
+        for y in range(y0, y1 + 1):
+            for x in range(x0, x1 + 1):
+                start, end = listed_in(grid, data.tree, x, y, z)
+                for entry in range(start, end):
+                    first_share = touch_of(data.pieces, int(data.lookup[entry, 0]), radius, p, d, first_share)
+    return first_share
+
+
+@inner
+def touch_of(facets: Array, k: int, radius: float, p: Triple, d: Triple, first_share: float) -> float:
+    """Return the share of the way d from p, m, after which the ball touches facet k, or `first_share` if that is less.
+
+    `facets` (c, 16) and `radius` are in m.
+    """
+    length = math.sqrt(dot(d, d))
+    facet = as_record(facets, FACET, k)
+    apart = plus(triple_of(facet.middle), -1.0, p)
+    reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP) + first_share * length
+    if dot(apart, apart) > reach * reach:
+        return first_share
+    t = 0.0
+    for _ in range(MOST_STRETCHES):
+        distance, n = away_from_facet(facets, k, plus(p, t, d))
+        slope = dot(n, d)
+        if slope >= ALONG_FACET * length or t >= first_share:
+            break
+        clearance = distance - radius * (1.0 + BALL_GAP)
+        if clearance <= 0.01 * radius * BALL_GAP:
+            return t
+        t -= clearance / slope  # Newton: f(t) + f'(t) dt = r
     return first_share
 
 
 @compiled
-def touched(facets: Array, radius: float, p: Triple, contacts: Array) -> int:
+def touched(data: LawData, radius: float, p: Triple, contacts: Array) -> int:
     """Write what a ball of a `radius` (m) touches at p (m) to `contacts` (k, CONTACT_NUMBERS), a `BALL_CONTACT` a row.
 
-    Returns k. `facets` (t, numbers of a `FACET`) are those of the mesh, in m.
+    Returns k.
 
     A closest point on an edge counts where it is closest on the facet beyond the edge, too: across a flat edge nothing
     is felt.
     """
+    facets, grid = data.pieces, data.params[GRID_AT:]
     count, kept_count = 0, 0
-    for k in range(facets.shape[0]):
+    x, last_x, y, last_y, z, last_z = cubes_between(grid, p, p)
+    if x > last_x or y > last_y or z > last_z:  # outside the grid nothing is near
+        return 0
+    start, end = listed_in(grid, data.tree, x, y, z)
+    for entry in range(start, end):
+        k = int(data.lookup[entry, 0])
         facet = as_record(facets, FACET, k)
         apart = plus(triple_of(facet.middle), -1.0, p)
         reach = facet.reach + radius * (1.0 + 2.0 * BALL_GAP)
@@ -172,13 +219,13 @@ def follow(
 
     `hip` (N,), m, is the hand's; `ihip` (N,), m, and `force` (N,), N, are written. Returns 0: it never refuses.
     """
-    facets, gains, state = data.pieces, as_record(data.params, BALL_PARAMS), data.state
+    gains, state = as_record(data.params, BALL_PARAMS), data.state
     radius = gains.radius
     h = (hip[0], hip[1], hip[2] if hip.shape[0] == 3 else 0.0)
     p = (state[0], state[1], state[2])
     contacts = np.empty((CONTACTS, CONTACT_NUMBERS))
     for _ in range(MOST_STRETCHES):
-        count = touched(facets, radius, p, contacts)
+        count = touched(data, radius, p, contacts)
         for i in range(count):  # keep 1.5 gaps, so that a stop at one gap is something new
             contact = as_record(contacts, BALL_CONTACT, i)
             lift = max(radius * (1.0 + 1.5 * BALL_GAP) - contact.distance, 0.0)
@@ -193,7 +240,7 @@ def follow(
         if size <= ARRIVED * length:
             break
         # step 2: to the goal, or up to what is in the way
-        t = first_touch(facets, radius, p, d)
+        t = first_touch(data, radius, p, d)
         p = h if t == 1.0 and d == wish else plus(p, t, d)
     state[0], state[1], state[2] = p
     for i in range(hip.shape[0]):

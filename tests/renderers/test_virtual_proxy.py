@@ -10,12 +10,26 @@ from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, cube, from_vertices, line, make_model
 from hapticeval.renderers.field.catalogue import virtual_proxy
-from hapticeval.renderers.field.facets import facets_of
+from hapticeval.renderers.field.facets import (
+    FACET,
+    LISTED_EACH,
+    away_from_facet,
+    cubes_between,
+    facet_grid,
+    facets_of,
+    listed_in,
+)
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite
 
 R = 0.5e-3
 """The radius that it has."""
+MODELS = {
+    "sphere": make_model("icosphere"),
+    "cube": cube(),
+    "torus": make_model("torus"),
+    "star": make_model("star"),
+}
 L_SHAPE = from_vertices([(0.0, 0.0), (0.1, 0.0), (0.1, 0.05), (0.05, 0.05), (0.05, 0.1), (0.0, 0.1)])
 
 
@@ -102,3 +116,37 @@ def test_it_lets_go_of_an_edge_when_the_hand_is_a_radius_past_it():
     np.testing.assert_array_equal(ihips[-1], hips[-1])
     # it has rolled round the edge and lies aside of the hand, which one without a radius would have let go
     np.testing.assert_allclose(ihips[-2], [0.05 + R, 0.045, 0.01], atol=1e-8)
+
+
+@settings(max_examples=30)
+@given(
+    kind=st.sampled_from(["sphere", "cube", "torus", "star"]),
+    margin=st.sampled_from([1e-4, 5e-4, 5e-3]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_cube_lists_each_facet_that_comes_near_a_point_in_it_and_the_lists_are_short(kind, margin, seed):
+    _, rows = facets_of(Scene(model=MODELS[kind]))
+    grid = facet_grid(rows, margin)
+    random = np.random.default_rng(seed)
+    facets = random.integers(0, len(rows), 20)
+    corners = rows.view(FACET)[facets, 0]
+    shares = random.dirichlet(np.ones(3), 20)[:, :, np.newaxis]
+    on_facets = shares[:, 0] * corners["a"] + shares[:, 1] * corners["b"] + shares[:, 2] * corners["c"]
+    for facet, point in zip(facets, on_facets + margin * random.uniform(-0.5, 0.5, (20, 3)), strict=True):
+        p = tuple(point.tolist())
+        x, last_x, y, last_y, z, last_z = cubes_between(grid.grid, p, p)
+        assert (x, y, z) == (last_x, last_y, last_z)
+        start, end = listed_in(grid.grid, grid.cubes, x, y, z)
+        listed = grid.facets[start:end, 0].astype(int)
+        assert np.all(np.diff(listed) > 0)
+        distance, _ = away_from_facet(rows, int(facet), p)
+        assert distance > margin or facet in listed
+    assert len(grid.facets) <= LISTED_EACH * len(rows)
+
+
+def test_outside_the_grid_nothing_is_near():
+    _, rows = facets_of(Scene(model=MODELS["cube"]))
+    grid = facet_grid(rows, 1e-3)
+    for p in ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1e300)):
+        x, last_x, y, last_y, z, last_z = cubes_between(grid.grid, p, p)
+        assert x > last_x or y > last_y or z > last_z
