@@ -1,31 +1,35 @@
-"""The workers of a dask scheduler as a crew that calls a function: calls travel in chunks of some seconds.
+"""The workers of a dask scheduler as a crew that calls a function, and which of them may.
 
-- A task costs dask some milliseconds, whatever it does. So calls are sent together, as many as take some seconds.
-- A worker makes calls in a child process, as a run on one machine does: one that crashes costs that child only.
-- dask sends a chunk whose worker is gone to others, and makes an answer anew that was lost with its worker. A chunk
-  that has cost more workers than its `allowed-failures` comes back, and its calls are sent one by one, until the one
-  that kills is found.
-- A worker whose numbers might differ in the last digit gets nothing to do. Fingerprints tell: those that are alike
-  offer a resource by its name, for which the calls ask.
+- A worker makes a call in a child process, as a run on one machine does: one that crashes costs that child only.
+- dask makes a call again whose worker is gone, or whose answer is lost with its worker. A call that has cost more
+  workers than its `allowed-failures` is made once more with nothing beside it: another may have killed them.
+- A worker whose numbers might differ in the last digit gets nothing to do. Those that are alike offer a resource by the
+  name of what the last digit depends on, and calls ask for it.
 
 Imported only where somebody names a scheduler.
 """
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
 import logging
 import math
+import os
 import pickle
+import platform
 import queue
 import signal
 import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError
-from hashlib import sha256
-from typing import Any, Generic, NamedTuple, Self, TypeAlias, TypeVar
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Generic, Self, TypeAlias, TypeVar
 from uuid import uuid4
 
 from distributed import Client, KilledWorker
@@ -33,28 +37,14 @@ from distributed.comm.core import CommClosedError
 from distributed.core import Status
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.runner import fingerprint as fingerprints
 from hapticeval.workers import TRIES, Answer, LostError, ProcessEnded, Workers
 
 T = TypeVar("T")
 
-CHUNK_SECONDS = 2.5
-"""Seconds that a chunk should take: dask's milliseconds for it are a thousandth of that."""
+COMPUTING_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "h5py")
 
-CHUNK_LIMIT = 10.0
-"""Seconds after which a worker begins no further call of a chunk, and gives back the rest."""
-
-MOST_CALLS = 4000
-"""Calls in a chunk at most, however quick they are."""
-
-CHUNKS_AHEAD = 2
-"""Chunks for each thread of a worker that are under way, so that it has the next when it ends one."""
-
-TIMED_CALLS = 64
-"""How many calls, the last ones, tell how long a call takes."""
-
-FETCH_SECONDS = 5.0
-"""Seconds for which the answers of one chunk are waited for at a time, where they are slow or lost."""
+CALLS_AHEAD = 4
+"""Calls for each thread of a worker that are under way, so that it has the next when it ends one."""
 
 OVERDUE_LOOK_SECONDS = 0.5
 """Seconds after which a worker sees that a call has taken too long, at the latest."""
@@ -71,25 +61,10 @@ NO_WORKER_SECONDS = 60.0
 CONNECTION_ERRORS = (CommClosedError, OSError, TimeoutError, CancelledError)
 """What dask raises in place of an answer where the scheduler or the worker is gone."""
 
-
-_Future: TypeAlias = Any
-"""A future of dask, whose types are not known."""
-
 _CLIENT: Any = Client
 
 _Call: TypeAlias = tuple[int, tuple[Any, ...]]
 """Number and arguments of a call."""
-
-
-class _Chunk(NamedTuple):
-    """Calls that travel together.
-
-    With `alone` nothing else is under way. dask blames everything that a killed worker had: only what was alone is
-    known to have killed it.
-    """
-
-    calls: list[_Call]
-    alone: bool = False
 
 
 class Cluster(Generic[T]):
@@ -97,8 +72,8 @@ class Cluster(Generic[T]):
 
     Workers must have the `files`, digests by path, and end a call that takes longer than `timeout` seconds.
 
-    A context manager, see `workers.Crew`; entering it raises
-    `InputError` where no scheduler answers, it has no workers, or none of them is like this machine.
+    A context manager, see `workers.Crew`; entering it raises `InputError` where no scheduler answers, it has no
+    workers, or none of them is like this machine.
     """
 
     def __init__(
@@ -109,21 +84,16 @@ class Cluster(Generic[T]):
         timeout: float = math.inf,
         files: Mapping[str, str] | None = None,
     ) -> None:
-        self._function = pickle.dumps(function)
-        self._address = address
-        self._timeout = timeout
-        self._files = dict(files or {})
-        self._waiting: deque[_Call] = deque()
-        self._suspects: deque[_Chunk] = deque()
-        self._under_way: dict[_Future, _Chunk] = {}
-        self._finished_futures: queue.SimpleQueue[_Future] = queue.SimpleQueue()
-        self._call_seconds: deque[float] = deque(maxlen=TIMED_CALLS)
-        self._alike_threads: dict[str, int] = {}  # threads by address
+        self._function, self._timeout = pickle.dumps(function), timeout
+        self._address, self._files = address, dict(files or {})
+        self._under_way: dict[Any, _Call] = {}  # by dask's future
+        self._suspects: deque[_Call] = deque()
+        self._alone: _Call | None = None
+        self._outcomes: queue.SimpleQueue[tuple[Any, list[Answer[T]] | BaseException]] = queue.SimpleQueue()
+        self._threads: dict[str, int] = {}  # of workers that are alike, by address
         self._unlike: dict[str, str] = {}
         self._refused: list[tuple[str, str]] = []
-        self._busy = 0
-        self._looked = 0.0
-        self._empty_since: float | None = None
+        self._looked, self._seen = 0.0, time.monotonic()
         self._name = f"hapticeval-{uuid4().hex[:12]}"
         self._sent = 0
 
@@ -140,21 +110,14 @@ class Cluster(Generic[T]):
                 todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
             ) from error
         try:
-            # Workers are compared with this process. Those that are alike offer a resource named by the fingerprint,
-            # and dask gives calls that ask for it to no other worker.
-            self._own_fingerprint = fingerprints.fingerprint({})
-            self._resource = (
-                f"hapticeval-{sha256(repr(sorted(self._own_fingerprint.items())).encode()).hexdigest()[:16]}"
-            )
+            self._own = fingerprint({})
+            self._resource = f"hapticeval-{_digest(repr(sorted(self._own.items())).encode())}"
             end = time.monotonic() + CONNECT_SECONDS
-            # Workers may still be registering with the scheduler: look again until the time is over.
-            while not self._alike_threads and time.monotonic() < end:
+            # Workers may still be registering. Where all that are there are unlike, waiting brings no better ones.
+            while not self._threads and not self._unlike and time.monotonic() < end:
                 self._look_for_workers()
-                # All that are there are unlike this machine: waiting brings no better ones.
-                if self._unlike and not self._alike_threads:
-                    break
-                time.sleep(0.0 if self._alike_threads else 0.1)
-            if not self._alike_threads:
+                time.sleep(0.0 if self._threads else 0.1)
+            if not self._threads:
                 raise self._no_worker_error()
         except BaseException:
             self.__exit__()
@@ -175,57 +138,47 @@ class Cluster(Generic[T]):
     @property
     def busy(self) -> int:
         """How many calls are under way or wait for a worker."""
-        return self._busy
+        return len(self._under_way) + len(self._suspects)
 
     @property
     def free(self) -> int:
-        """How many more calls may begin now, so that each worker has the next chunk when it ends one."""
-        threads = sum(self._alike_threads.values())
-        # free = (chunks ahead) x (threads) x (calls in a chunk) - (calls begun)
-        return max(CHUNKS_AHEAD * max(threads, 1) * self._chunk_size - self._busy, 0)
-
-    @property
-    def _chunk_size(self) -> int:
-        """How many calls make a chunk."""
-        # One call at a time until it is known how long one takes.
-        if not self._call_seconds:
-            return 1
-        mean = sum(self._call_seconds) / len(self._call_seconds)
-        # n = (seconds of a chunk) / (mean seconds of a call), from 1 to MOST_CALLS
-        return max(1, min(MOST_CALLS, int(CHUNK_SECONDS / max(mean, 1e-6))))
+        """How many more calls may begin now: none while one is suspected to kill its worker."""
+        # Some also where all workers are gone for a while: who asks is done when nothing is under way.
+        threads = max(sum(self._threads.values()), 1)
+        return 0 if self._suspects or self._alone else max(CALLS_AHEAD * threads - self.busy, 0)
 
     def begin(self, call: int, *arguments: Any) -> None:
-        """Have a worker call the function; it is sent with others when answers are waited for."""
-        self._waiting.append((call, arguments))
-        self._busy += 1
+        """Have a worker call the function."""
+        self._submit((call, arguments))
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Wait for an answer, for at most `timeout` seconds if given, and return all that there are.
 
         Raises `LostError` where the scheduler is gone, or all workers are for longer than `NO_WORKER_SECONDS`.
         """
-        end = None if timeout is None else time.monotonic() + timeout
+        end = math.inf if timeout is None else time.monotonic() + timeout
         while True:
             answers: list[Answer[T]] = []
             try:
-                # Workers come and go while a run goes on.
                 if time.monotonic() - self._looked > WORKERS_LOOK_SECONDS:
                     self._look_for_workers()
-                self._send()
-                seconds_left = WORKERS_LOOK_SECONDS if end is None else max(end - time.monotonic(), 0.0)
-                # Wait for one chunk, and take with it whatever else has ended meanwhile.
-                ended_futures = [self._finished_futures.get(timeout=min(seconds_left, WORKERS_LOOK_SECONDS))]
-                ended_futures += [self._finished_futures.get_nowait() for _ in range(self._finished_futures.qsize())]
-                for future in ended_futures:
-                    answers += self._collect_answers(future)
+                seconds_left = min(max(end - time.monotonic(), 0.0), WORKERS_LOOK_SECONDS)
+                # Wait for one, and take with it whatever else has ended meanwhile.
+                outcomes = [self._outcomes.get(timeout=seconds_left)] if self._under_way else []
+                outcomes += [self._outcomes.get_nowait() for _ in range(self._outcomes.qsize())]
+                for future, outcome in outcomes:
+                    answers += self._take(future, outcome)
             except queue.Empty:
                 pass
             except CONNECTION_ERRORS as error:
                 raise self._lost_error(error) from error
             if self._client.status != "running":
                 raise self._lost_error()
-            if answers or not self._busy or (end is not None and time.monotonic() >= end):
-                self._busy -= len(answers)
+            # dask blames everything that a killed worker had: only what was alone is known to have killed it.
+            if self._suspects and not self._under_way:
+                self._alone = self._suspects.popleft()
+                self._submit(self._alone)
+            if answers or not self.busy or time.monotonic() >= end:
                 return answers
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
@@ -238,106 +191,64 @@ class Cluster(Generic[T]):
         refused_workers, self._refused = self._refused, []
         return refused_workers
 
-    def _send(self) -> None:
-        """Send the calls that wait, in chunks, or one that is suspected to kill its worker."""
-        if not self._alike_threads:
-            return
-        chunks: list[_Chunk] = []
-        if self._suspects or any(chunk.alone for chunk in self._under_way.values()):
-            # A suspected call goes out when nothing else is under way: a worker that dies then was killed by it. New
-            # calls wait until no suspect is left, so that they do not share the blame.
-            if not self._under_way:
-                chunks.append(self._suspects.popleft())
-        else:
-            while self._waiting:
-                size = min(self._chunk_size, len(self._waiting))
-                chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
-        for chunk in chunks:
-            self._sent += 1
-            future = self._client.submit(
-                make_calls,
-                pickle.dumps((self._function, chunk.calls, self._timeout)),
-                key=f"{self._name}-{self._sent}",
-                # only workers that compute alike offer it
-                resources={self._resource: 1},
-                pure=False,
-            )
-            self._under_way[future] = chunk
-            future.add_done_callback(self._finished_futures.put)
+    def _submit(self, call: _Call) -> None:
+        self._sent += 1
+        packed = pickle.dumps((self._function, call, self._timeout))
+        options = {"resources": {self._resource: 1}, "pure": False}  # only workers that compute alike offer it
+        future = self._client.submit(make_call, packed, key=f"{self._name}-{self._sent}", **options)
+        self._under_way[future] = call
+        future.add_done_callback(self._fetch)
 
-    def _collect_answers(self, future: _Future) -> list[Answer[T]]:
-        """Return the answers of a chunk that has ended, and see to those of its calls that were not made."""
-        chunk = self._under_way.pop(future)
-        if future.status == "error":
-            error = future.exception()
-            # A call's own error travels in its answer: this one is the machinery's, and no other chunk would fare
-            # better.
-            if not isinstance(error, KilledWorker):
-                raise HapticevalError(
-                    "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
-                ) from error
-            return self._take_apart(chunk)
+    def _fetch(self, future: Any) -> None:
+        """Fetch what came of a call, in a thread of dask's: where it is lost with its worker that waits for another."""
         try:
-            answers, took = future.result(timeout=FETCH_SECONDS)
-        except TimeoutError:  # they are slow to arrive, or lost with their worker and made anew by another
-            self._under_way[future] = chunk
-            self._finished_futures.put(future)
-            return []
-        except KilledWorker:
-            return self._take_apart(chunk)
-        except CancelledError:  # the scheduler is gone, or has forgotten them
-            if self._client.status != "running":
-                raise self._lost_error() from None
-            answers, took = [], []
-        self._call_seconds.extend(took)
-        # A worker stops a chunk after CHUNK_LIMIT. The calls that were not made are sent next, in their order.
-        self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
-        return list(answers)
+            self._outcomes.put((future, future.result()))
+        except BaseException as error:
+            self._outcomes.put((future, error))
 
-    def _take_apart(self, chunk: _Chunk) -> list[Answer[T]]:
-        """Have the calls of a chunk that killed its workers made one by one, or give up the one call that does."""
-        if chunk.alone:
-            return [Answer(chunk.calls[0][0], None, ProcessEnded(-signal.SIGKILL))]
-        self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
+    def _take(self, future: Any, outcome: list[Answer[T]] | BaseException) -> list[Answer[T]]:
+        """Return the answer of a call that has ended; have it made again where others are to blame that it has none."""
+        call = self._under_way.pop(future)
+        was_alone, self._alone = self._alone is call, None
+        if not isinstance(outcome, BaseException):
+            return outcome
+        if isinstance(outcome, KilledWorker):
+            if was_alone:
+                return [Answer(call[0], None, ProcessEnded(-signal.SIGKILL))]
+            self._suspects.append(call)
+        elif isinstance(outcome, CONNECTION_ERRORS):  # the scheduler is gone, or has forgotten it
+            if self._client.status != "running":
+                raise self._lost_error(outcome) from outcome
+            self._submit(call)
+        else:  # a call's own error travels in its answer: this one is the machinery's, and no other would fare better
+            why = f"{type(outcome).__name__}: {outcome}"
+            raise HapticevalError("a worker of the cluster cannot make calls", why=why) from outcome
         return []
 
     def _look_for_workers(self) -> None:
-        """Ask the scheduler for its workers, and new ones for their fingerprints. Raises `LostError` after too long."""
+        """Ask the scheduler for its workers, and new ones whether they are alike. Raises `LostError` after too long."""
         self._looked = time.monotonic()
         workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        self._alike_threads = {address: count for address, count in self._alike_threads.items() if address in workers}
+        self._threads = {address: count for address, count in self._threads.items() if address in workers}
         # An address is asked once, and is alike or unlike from then on.
-        new = [address for address in workers if address not in self._alike_threads and address not in self._unlike]
-        if new:
-            self._ask_fingerprints(new, {address: int(workers[address]["nthreads"]) for address in new})
-        if self._alike_threads:
-            self._empty_since = None
-        elif self._empty_since is None:
-            self._empty_since = self._looked
-        elif self._looked - self._empty_since > NO_WORKER_SECONDS:
+        new = [address for address in workers if address not in self._threads and address not in self._unlike]
+        offers = partial(offer, self._own, self._files, self._resource)
+        for address, reply in self._client.run(offers, workers=new, on_error="return").items() if new else ():
+            if isinstance(reply, (OSError, CommClosedError)):
+                continue  # it has gone; if it comes again it is asked again
+            # An error: it has no hapticeval, or another one.
+            differs = f"{type(reply).__name__}: {reply}" if isinstance(reply, BaseException) else reply
+            if differs:
+                self._unlike[address] = differs
+                self._refused.append((address, differs))
+            else:
+                self._threads[address] = int(workers[address]["nthreads"])
+        if self._threads:
+            self._seen = self._looked
+        elif self._looked - self._seen > NO_WORKER_SECONDS:
             raise LostError(
                 f"no worker like this machine has been at the scheduler {self._address} for {NO_WORKER_SECONDS:g} s"
             )
-
-    def _ask_fingerprints(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
-        """Sort workers into those like this machine and others; `threads` has how many each address offers."""
-        replies = self._client.run(fingerprints.fingerprint, self._files, workers=list(addresses), on_error="return")
-        for address, reply in replies.items():
-            if isinstance(reply, (OSError, CommClosedError)):
-                continue  # it has gone; if it comes again it is asked again
-            if isinstance(reply, BaseException):
-                # It has no hapticeval, or another one.
-                differs = [f"{type(reply).__name__}: {reply}"]
-            else:
-                differs = fingerprints.differences(self._own_fingerprint, reply)
-            if differs:
-                self._unlike[address] = "; ".join(differs)
-                self._refused.append((address, self._unlike[address]))
-        alike = {address: threads[address] for address, reply in replies.items() if reply == self._own_fingerprint}
-        if alike:
-            # Threads count once their worker offers the resource: a call sent earlier would find no worker to go to.
-            marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
-            self._alike_threads |= {address: alike[address] for address, done in marked.items() if done is True}
 
     def _no_worker_error(self) -> InputError:
         if not self._unlike:
@@ -345,10 +256,9 @@ class Cluster(Generic[T]):
                 f"the scheduler at {self._address} has no workers",
                 todo=f"start some, as with `dask worker {self._address} --nthreads 1`",
             )
-        reasons = "; ".join(f"{address} has {why}" for address, why in self._unlike.items())
         return InputError(
             f"no worker of {self._address} is like this machine",
-            why=reasons,
+            why="; ".join(f"{address} has {why}" for address, why in self._unlike.items()),
             todo="install the same versions everywhere; for one processor set NUMBA_CPU_NAME and NUMBA_CPU_FEATURES",
         )
 
@@ -357,46 +267,80 @@ class Cluster(Generic[T]):
         return LostError(f"the scheduler at {self._address} is gone", why=why)
 
 
-async def mark(resource: str, dask_worker: Any) -> bool:
-    """Have a worker offer a resource, once for each of its threads, and be given what waits for one that offers it."""
-    await dask_worker.set_resources(**{resource: dask_worker.state.nthreads})
-    # dask looks for what a worker could do when it comes, or goes on after a pause: not when it offers something new.
-    dask_worker.status = Status.paused
-    dask_worker.status = Status.running
-    return True
+def fingerprint(files: Mapping[str, str]) -> dict[str, str]:
+    """Return what the last digit of a number computed here may depend on, by name: versions, source, processor.
+
+    Of `files`, digests by path, those are named that are missing or another here.
+    """
+    import llvmlite.binding as llvm
+    import numpy as np
+
+    # These variables, where set, name the processor that numba compiles for: one for all of a mixed cluster.
+    features = os.environ.get("NUMBA_CPU_FEATURES", llvm.get_host_cpu_features().flatten())
+    simd: Any = np.show_config(mode="dicts")  # numpy chooses its loops by these when it is imported
+    properties = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "libc": " ".join(platform.libc_ver()),
+        **{name: metadata.version(name) for name in ("hapticeval", *COMPUTING_LIBRARIES)},
+        "CPU": os.environ.get("NUMBA_CPU_NAME", llvm.get_host_cpu_name()),
+        "CPU features": _digest(features.encode()),
+        "CPU features of numpy": " ".join(simd["SIMD Extensions"]["found"]),
+    }
+    # A version does not tell an edited checkout: the source itself counts.
+    code = b""
+    for package in ("hapticeval", "hapticeval.renderers"):
+        spec = importlib.util.find_spec(package)
+        for folder in () if spec is None else spec.submodule_search_locations or ():
+            for file in sorted(Path(folder).rglob("*.py")):
+                code += str(file.relative_to(folder)).encode() + file.read_bytes()
+    properties["code of hapticeval"] = _digest(code)
+    for path, digest in files.items():
+        file = Path(path)
+        local_digest = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+        # Files that are the same leave no entry, so that alike machines have equal fingerprints.
+        if local_digest != digest:
+            properties[f"the file {path}"] = "another" if local_digest else "missing"
+    return properties
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+async def offer(ours: Mapping[str, str], files: Mapping[str, str], resource: str, dask_worker: Any) -> str:
+    """Have a worker that computes alike offer a `resource`, once a thread; return else in words how it differs.
+
+    "numpy 2.1.0 in place of 2.4.6" is such a difference.
+    """
+    theirs = fingerprint(files)
+    if theirs == ours:
+        await dask_worker.set_resources(**{resource: dask_worker.state.nthreads})
+        # dask looks for what a worker could do when it comes, or goes on after a pause: not when it offers a new thing.
+        dask_worker.status = Status.paused
+        dask_worker.status = Status.running
+    return "; ".join(
+        f"{name} {theirs.get(name, 'none')}" + (f" in place of {ours[name]}" if name in ours else "")
+        for name in dict.fromkeys((*ours, *theirs))
+        if ours.get(name) != theirs.get(name)
+    )
 
 
 _idle: dict[bytes, list[Workers[Any]]] = {}
 _lock = threading.Lock()
 
 
-def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
-    """Make the calls of a chunk in a child of this worker; return the answers of those it came to, and their seconds.
-
-    The child is kept for later chunks; the first call in a new one, which loads what it needs, is not timed.
-    """
-    function, calls, timeout = pickle.loads(packed)
+def make_call(packed: bytes) -> list[Answer[Any]]:
+    """Make a call in a child of this worker, which is kept for later ones; return its answer."""
+    function, (call, arguments), timeout = pickle.loads(packed)
     # Threads of one worker come here at once. Each takes a child that is idle, or starts one.
     with _lock:
-        idle_children = _idle.setdefault(function, [])
-        is_warm = bool(idle_children)
-        crew = idle_children.pop() if is_warm else Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)
-    answers: list[Answer[Any]] = []
-    call_seconds = []
-    begun = time.monotonic()
-    for call, arguments in calls:
-        before = time.monotonic()
-        if answers and before - begun > CHUNK_LIMIT:
-            break
-        crew.begin(call, *arguments)
-        # A call that takes longer than its timeout is given up, and that is its answer.
-        while not (new_answers := [*crew.answers(OVERDUE_LOOK_SECONDS), *crew.give_up(timeout)]):
-            pass
-        answers += new_answers
-        # The first call of a new child loads and compiles, and says nothing of the next.
-        if is_warm:
-            call_seconds.append(time.monotonic() - before)
-        is_warm = True
+        children = _idle.setdefault(function, [])
+        crew = children.pop() if children else Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)
+    crew.begin(call, *arguments)
+    # A call that takes longer than its timeout is given up, and that is its answer.
+    while not (answers := [*crew.answers(OVERDUE_LOOK_SECONDS), *crew.give_up(timeout)]):
+        pass
     with _lock:
         _idle[function].append(crew)
-    return answers, call_seconds
+    return answers

@@ -57,7 +57,7 @@ def execute(plan: Plan, *, work: Work = run_job, earlier: EarlierRun | None = No
     A run that is cut short keeps what has finished, and its results say that they are incomplete and why:
 
     - On Ctrl-C no further job begins, those that have begun are finished, and `Interrupted` reports it.
-    - After `FINISH_GRACE` (not on a cluster), on a second Ctrl-C, or on the first in this process, they are given up.
+    - After `FINISH_GRACE`, on a second Ctrl-C, or on the first in this process, they are given up.
     - With `exit_first` no further job begins after a verdict that stops the gate.
     - Where the scheduler is lost nothing more can be done.
 
@@ -119,8 +119,6 @@ class _Execution:
         self.last_beat = time.monotonic()
         self.warning_places: set[str] = set()
         self.warned = self.stopped = False
-        # A cluster sends answers by chunks, of which none would come in time.
-        self.grace = FINISH_GRACE if plan.options.scheduler is None else math.inf
         self.given_up_at = math.inf
 
     @property
@@ -153,9 +151,9 @@ class _Execution:
         if self.interrupts.count and not self.warned:
             self.warned = True
             now = time.monotonic()
-            self.given_up_at = now + self.grace
+            self.given_up_at = now + FINISH_GRACE
             since = min(self.begun_at.values(), default=now)
-            yield Interrupted(self.crew.busy, seconds=now - since, grace=self.grace)
+            yield Interrupted(self.crew.busy, seconds=now - since, grace=FINISH_GRACE)
 
     def report_behind_gaps(self) -> Iterator[Event]:
         """Yield what has finished behind a job that never did."""

@@ -19,7 +19,6 @@ except ImportError:  # not on Windows
 DOCUMENTS = {
     "results.json": {"planned", "verdicts"},
     "bench.json": {"settings", "references"},
-    "effects.json": {"scenes", "ladder"},
 }
 """What hapticeval leaves in a folder, and entries by which it is recognised, of whatever version."""
 
