@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept on disk, so that none is compiled twice and none outlives the code that it came from.
+"""Where compiled kernels, and what else takes long to make, are kept on disk: nothing outlives the code that made it.
 
 Numba looks at the file of a kernel alone: not at the files of the kernels that it calls, and not at the constants that
 it was compiled with. So each module has a folder of its own, named by a digest of all that goes into its kernels.
@@ -12,12 +12,17 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 try:
@@ -111,3 +116,53 @@ def lock_file(path: Path) -> Iterator[None]:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 fcntl.flock(stack.enter_context(path.open("a")), fcntl.LOCK_EX)
         yield
+
+
+_SHARES: ContextVar[bool] = ContextVar("_SHARES", default=True)
+
+
+@contextmanager
+def sharing_nothing() -> Iterator[None]:
+    """While it lasts `shared_arrays` makes what it is asked for: the time that this takes can be measured."""
+    token = _SHARES.set(False)
+    try:
+        yield
+    finally:
+        _SHARES.reset(token)
+
+
+def shared_arrays(
+    module: str, name: bytes, make: Callable[[], Mapping[str, NDArray[Any]]]
+) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays that `make` gives, from disk where they have been made: by this code, and on such a machine.
+
+    `name` tells them from others that the `module`, imported by its name, has made. One process makes them, and those
+    that want them at the same time wait.
+    """
+    if not _SHARES.get():
+        return make()
+    digest = hashlib.sha256(name + repr(_platform()).encode()).hexdigest()[:32]
+    file = folder_of(module) / f"{digest}.npz"
+    with lock_file(file.with_suffix(".lock")):
+        with (
+            suppress(OSError, ValueError, EOFError, zipfile.BadZipFile),
+            file.open("rb") as stream,  # numpy leaves one open of a file that is cut
+            np.load(stream, allow_pickle=False) as archive,  # no pickles: what is read runs no code
+        ):
+            return dict(archive)
+        arrays = make()
+        # Where nothing can be written each process makes its own.
+        with suppress(OSError):
+            temporary = file.with_suffix(f".{os.getpid()}.npz")
+            np.savez(temporary, **arrays)  # type: ignore[arg-type]
+            temporary.replace(file)
+    return arrays
+
+
+@cache
+def _platform() -> tuple[str, ...]:
+    """Return what else the last digit of an array depends on: the libraries that computed it, and the processor."""
+    import llvmlite.binding as llvm
+
+    versions = [metadata.version(library) for library in ("numpy", "scipy", "numba", "llvmlite")]
+    return (*versions, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())

@@ -246,3 +246,25 @@ def test_a_constant_argument_compiles_no_kernel_of_its_own():
     # and what Python has called already is what other kernels call
     assert len(_halve.signatures) == 1
     assert not _halve.called.signatures
+
+
+def test_arrays_are_made_once_and_anew_where_their_file_is_damaged_or_nothing_is_shared(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    made = []
+
+    def make():
+        made.append(len(made))
+        return {"values": np.array([0.1, float(len(made))]), "size": np.array(0.25)}
+
+    def ask(name=b"one"):
+        arrays = kernel_cache.shared_arrays(__name__, name, make)
+        return arrays["values"].tolist(), float(arrays["size"])
+
+    assert [ask(), ask()] == [([0.1, 1.0], 0.25)] * 2
+    assert ask(b"another") == ([0.1, 2.0], 0.25)
+    with kernel_cache.sharing_nothing():
+        assert ask() == ([0.1, 3.0], 0.25)
+    assert ask() == ([0.1, 1.0], 0.25)
+    for file in tmp_path.rglob("*.npz"):
+        file.write_bytes(file.read_bytes()[:100])
+    assert [ask(), ask()] == [([0.1, 4.0], 0.25)] * 2

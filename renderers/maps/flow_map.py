@@ -28,6 +28,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
+from hapticeval.kernel_cache import shared_arrays
 from hapticeval.renderers.maps.flow import Flow, FlowSettings, FoldedGridError, run_flow
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -127,6 +128,8 @@ class FlowMap:
 def flow_map(model: Model, settings: FlowSettings | None = None) -> FlowMap:
     """Return the map of a model, built once for each of its boundary and settings and then kept (the last 16).
 
+    The flow itself, which takes seconds, is kept on disk beside the kernels, for all processes.
+
     Raises the errors of `run_flow`, and `FoldedGridError` where cells are turned over.
     """
     return _build_map(_MapKey(model.curve.pieces.tobytes(), settings or FlowSettings(), model))
@@ -143,8 +146,15 @@ class _MapKey:
 
 @lru_cache(maxsize=MAPS_IN_CACHE)
 def _build_map(key: _MapKey) -> FlowMap:
-    """Run the flow and lay out its grid."""
-    return FlowMap(key.model.curve, build_chart(key.model, run_flow(key.model, key.settings)))
+    """Take the flow from where it is kept, or run it, and lay out its grid."""
+
+    def run() -> dict[str, Array]:
+        return {name: np.asarray(value) for name, value in vars(run_flow(key.model, key.settings)).items()}
+
+    arrays = shared_arrays(run_flow.__module__, key.boundary + repr(key.settings).encode(), run)
+    points, us, times, lengths, areas = (arrays[name] for name in ("points", "u", "times", "lengths", "areas"))
+    flow = Flow(points, us, times, lengths, areas, float(arrays["cell"]))
+    return FlowMap(key.model.curve, build_chart(key.model, flow))
 
 
 def build_chart(model: Model, recorded: Flow) -> Chart:
