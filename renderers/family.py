@@ -45,7 +45,7 @@ NODES_KNOB = Knob(
 
 CELL_KNOB = Knob(
     values=(4e-3, 2e-3, 1e-3, 0.5e-3, 0.25e-3),
-    quick=(2e-3, 1e-3, 0.5e-3),
+    quick=(2e-3, 0.5e-3),
     unit="m",
     meaning="side of a cell of the look-up table",
 )
@@ -53,7 +53,7 @@ CELL_KNOB = Knob(
 FLOW_KNOBS = {
     "cells": Knob(
         values=(50, 100, 150, 200, 300),
-        quick=(50, 100, 200),
+        quick=(50, 100),
         finest=(300, 400),
         unit="",
         meaning="cells of the flow grid along the model's longer side",

@@ -1,4 +1,4 @@
-"""What a bench found: error against time with the Pareto front, memory and time to build, and changes since another."""
+"""What a bench found: error against time with the Pareto front, memory and time to build."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from hapticeval.reports.canvas import MM, Look
 from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data, look_style
-from hapticeval.study.bench.document import BenchResults, Change, Kind, SettingEntry
+from hapticeval.study.bench.document import BenchResults, SettingEntry
 
 MICROSECONDS = 1e6
 """Microseconds in a second."""
@@ -24,10 +24,6 @@ TIME_LIMITS = ((1000.0, "1 ms tick"), (10.0, "10 µs"))
 EXACT_ERROR = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
-KIND_TITLES: Mapping[Kind, str] = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
-"""What is timed, in words."""
-
-
 PlottedSettings = list[tuple[SettingEntry, tuple[float, float]]]
 """Settings, each with its time (us) and its error (mm)."""
 
@@ -38,16 +34,12 @@ def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[st
     `looks` are those of the renderers on all pages.
     """
     plots = []
-    for kind, title in KIND_TITLES.items():
-        for model, settings in bench.by_model().items():
-            if plotted := plotted_settings(settings, kind):
-                words = f"{model}, {title}"
-                plots.append((words, charts_data([front_chart(plotted, looks, words)])))
+    for model, settings in bench.by_model().items():
+        if plotted := plotted_settings(settings):
+            plots.append((model, charts_data([front_chart(plotted, looks, model)])))
     costs = [setting for setting in bench.settings if not setting.problem and setting.memory_bytes is not None]
     if any(setting.build_seconds for setting in costs):
         plots += [(chart.title, charts_data([chart])) for chart in _cost_charts(costs, looks)]
-    if any(change.low is not None for change in bench.comparison):
-        plots.append(("against the earlier bench", charts_data([_changes_chart(bench.comparison)])))
     return plots
 
 
@@ -76,37 +68,13 @@ def _cost_charts(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) ->
     ]
 
 
-def _changes_chart(comparison: Sequence[Change]) -> Chart:
-    """Return a row per setting and kind of time: its ratio to the earlier time with the interval of 95 per cent."""
-    timed = [
-        (change, change.ratio, change.low)
-        for change in comparison
-        if change.low is not None and change.ratio is not None
-    ]
-    styles = {"better": ("one", "v"), "worse": ("mark", "^"), "not significant": ("quiet", "o")}
-    curves = []
-    for row, (change, ratio, low) in enumerate(timed):
-        role, marker = styles[change.verdict]
-        # The ratio's interval as a line, the ratio as a mark on it.
-        curves.append(Curve(x=[low or ratio, change.high or ratio], y=[row, row], role=role))
-        curves.append(Curve(x=[ratio], y=[row], role=role, marker=marker, line=False))
-    return Chart(
-        title="Times against those of the earlier bench",
-        x=Axis(label="time now / time then; triangles are significant", log=True),
-        y=Axis(label="", names=[f"{change.label}, {change.model}, {change.what}" for change, *_ in timed]),
-        curves=curves,
-        rules=[Rule(x=1.0, role="ink")],
-        height=50 + ROW_HEIGHT * len(timed),
-    )
-
-
-def plotted_settings(settings: Sequence[SettingEntry], kind: Kind) -> PlottedSettings:
-    """Return the settings that have a time of that kind and an error, each with its point: us across, mm up."""
+def plotted_settings(settings: Sequence[SettingEntry]) -> PlottedSettings:
+    """Return the settings that have a time and an error, each with its point: us across, mm up."""
     return [
         # An exact setting has no place on a logarithmic axis: it is drawn at EXACT_ERROR.
-        (setting, (MICROSECONDS * times.median, max(MM * setting.claims["ihip"]["max"], EXACT_ERROR)))
+        (setting, (MICROSECONDS * setting.step.median, max(MM * setting.claims["ihip"]["max"], EXACT_ERROR)))
         for setting in settings
-        if setting.claims and (times := setting.times(kind))
+        if setting.claims and setting.step
     ]
 
 

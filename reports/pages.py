@@ -18,7 +18,7 @@ from hapticeval.files import write_text
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.reports.bench_figure import KIND_TITLES, bench_plots
+from hapticeval.reports.bench_figure import bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.case_page import asset
 from hapticeval.reports.effects_figure import EffectPlot, cost_data
@@ -132,7 +132,6 @@ class ReportView:
     single: Single | None = None
 
     # What the pages on costs are drawn and told with.
-    bench_titles = KIND_TITLES
     cost_data = staticmethod(cost_data)
 
     # What the run amounts to.

@@ -138,7 +138,7 @@ def paper_fronts(
     plots = {
         model: plotted
         for model, settings in bench.by_model().items()
-        if (plotted := plotted_settings([setting for setting in settings if setting.renderer in chosen], "step"))
+        if (plotted := plotted_settings([setting for setting in settings if setting.renderer in chosen]))
     }
     if not plots:
         raise InputError("the bench has nothing to draw", why="no setting has a time and an error")

@@ -17,7 +17,7 @@ Exit codes:
   0  measured; with --compare nothing is worse, with --within every renderer that -r names
      has a setting that meets it (and --budget), on every model that it takes; without -r
      one of the built-in ones has
-  1  something is significantly worse, no setting meets --within, or the bench was
+  1  something is worse, no setting meets --within, or the bench was
      interrupted
   2  wrong usage or input, or a setting whose input was not usable
   3  a renderer broke (outranks 1 and 2)
@@ -44,7 +44,7 @@ def bench(
         ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="One model, one knob a renderer, few values: half a minute.")
+        bool, typer.Option("--quick", help="One model, one knob a renderer, few values: a quarter of a minute.")
     ] = False,
     within: Annotated[
         str | None,
@@ -85,15 +85,14 @@ def bench(
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.runner.folder import prepared_folder
     from hapticeval.runner.results import RESULTS_FILE
-    from hapticeval.study.bench.compare import compare_benches
-    from hapticeval.study.bench.document import join_benches, read_bench, read_samples, write_bench
-    from hapticeval.study.bench.judge import describe, describe_missed, judge_bench
+    from hapticeval.study.bench.document import join_benches, read_bench, write_bench
+    from hapticeval.study.bench.judge import compare_benches, describe, describe_missed, judge_bench
     from hapticeval.study.bench.sweep import Sweep, settings_by_model
 
     error_limit = None if within is None else parse_length(within, option="--within")
     time_limit = None if budget is None else parse_duration(budget, option="--budget")
     # Read first: DIR may be the folder that the new bench is written to.
-    earlier_bench = None if compare is None else (read_bench(compare), read_samples(compare))
+    earlier_bench = None if compare is None else read_bench(compare)
     settings = settings_by_model(models, renderers, quick=quick, chosen=parse_knobs(knobs or []))
     names = list(dict.fromkeys(setting.renderer for of_model in settings.values() for setting in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
@@ -101,15 +100,14 @@ def bench(
     with prepared_folder(directory, keep_reports=True):
         with Terminal() as terminal:
             sweep.run(terminal.working)
-        samples = sweep.samples()
         results = sweep.results()
         if earlier_bench is not None:
             # Before the join: settings that are kept were not measured now.
-            results = replace(results, comparison=compare_benches(results, samples, *earlier_bench))
+            results = replace(results, comparison=compare_benches(results, earlier_bench))
         with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
-            results, samples = join_benches(results, samples, read_bench(directory), read_samples(directory))
+            results = join_benches(results, read_bench(directory))
         results = judge_bench(results, within=error_limit, budget=time_limit)
-        written = write_bench(directory, results, samples)
+        written = write_bench(directory, results)
     has_results = (directory / RESULTS_FILE).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if has_results else ""
     # Who names no renderer asks which one will do, and not that all of them do.
@@ -118,7 +116,7 @@ def bench(
         if error_limit is None
         else list(describe_missed(results, within=error_limit, budget=time_limit, together=not renderers))
     )
-    say(paragraphs(describe(results), lines(missed), wrote_lines(written), hint))
+    say(paragraphs(describe(results), lines(missed), wrote_lines([written]), hint))
     worse = any(change.verdict == "worse" for change in results.comparison)
     raise typer.Exit(
         # A renderer that broke has a higher code than what was found to be worse.

@@ -28,7 +28,7 @@ EXIT_CODES = """\b
 Exit codes:
   0  no verdict is worse
   1  a verdict stops the gate that did not, or the new run is incomplete; with --strict also where a verdict changed
-     or is gone, or a time is significantly longer
+     or is gone, or a time is longer
   2  wrong usage or input
 """
 
@@ -56,10 +56,10 @@ def diff(
     ] = False,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all margins that moved.")] = False,
 ) -> None:
-    """Compare two runs: verdicts that changed, margins that moved, times that moved significantly.
+    """Compare two runs: verdicts that changed, margins that moved, times that moved.
 
     A verdict is worse where it stops the gate now and did not before. Margins are in bounds. Times are those of
-    `hapticeval bench`, where both folders hold one: a single run of a case shows nothing significant.
+    `hapticeval bench`, where both folders hold one: a single run of a case says nothing.
 
     \b
     Examples:
@@ -69,7 +69,7 @@ def diff(
     comparison = compare_results(
         *(read_results(folder.parent if folder.name == RESULTS_FILE else folder) for folder in (old, new))
     )
-    times = _significant_times(old, new)
+    times = _changed_times(old, new)
     written = {
         Format.TEXT: _as_text,
         Format.GITHUB: _as_github,
@@ -82,16 +82,15 @@ def diff(
     raise typer.Exit(int(comparison.stops(strict=strict) or (strict and slower)))
 
 
-def _significant_times(old: Path, new: Path) -> Sequence[Change]:
-    """Return the changes of two benches that differ significantly; none where a folder holds no bench."""
-    from hapticeval.study.bench.compare import compare_benches
-    from hapticeval.study.bench.document import BENCH_FILE, read_bench, read_samples
+def _changed_times(old: Path, new: Path) -> Sequence[Change]:
+    """Return what two benches differ in; nothing where a folder holds no bench."""
+    from hapticeval.study.bench.document import BENCH_FILE, read_bench
+    from hapticeval.study.bench.judge import compare_benches
 
     if not all((folder / BENCH_FILE).is_file() for folder in (old, new)):
         return []
-    # Summaries and raw samples of either bench: significance is tested on the samples.
-    (before, earlier), (now, samples) = ((read_bench(folder), read_samples(folder)) for folder in (old, new))
-    return [change for change in compare_benches(now, samples, before, earlier) if change.verdict != "not significant"]
+    changes = compare_benches(read_bench(new), read_bench(old))
+    return [change for change in changes if change.verdict != "the same"]
 
 
 def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
@@ -99,7 +98,7 @@ def _counts_words(comparison: Diff, times: Sequence[Change]) -> str:
     standings = [verdict.standing for verdict in comparison.verdicts]
     counted = [f"{standings.count(name)} {name}" for name in dict.fromkeys(standings)]
     moved = f"{plural(len(comparison.margins), 'margin')} moved"
-    timed = f", {plural(len(times), 'time')} moved significantly" if times else ""
+    timed = f", {plural(len(times), 'time')} moved" if times else ""
     ended = f"; the new run is incomplete: {comparison.incomplete}" if comparison.incomplete else ""
     both = f"{plural(comparison.compared, 'verdict')} in both runs"
     return f"{both}: {', '.join(counted) or 'none changed'}; {moved}{timed}{ended}{_apart_words(comparison)}"

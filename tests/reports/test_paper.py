@@ -18,12 +18,12 @@ def bench(*settings):
 
 
 def setting(renderer, time=2e-6, error=2e-5, **changes):
-    times = Times(median=time, p99=time, p999=time, max=time, tick_share=4e-3)
+    times = Times(median=time, p99=time, rounds=[time])
     errors = {name: dict.fromkeys(("rms", "p99", "max"), error) for name in ("ihip", "normal", "force")}
     given = {
         "renderer": renderer, "model": "circle", "settings": {}, "label": renderer, "errors": errors, "claims": errors,
-        "proven": True, "step": times, "batch": None, "memory_bytes": 1, "build_seconds": [], "key": renderer,
-        "front": [], "problem": None,
+        "proven": True, "step": times, "memory_bytes": 1, "build_seconds": [], "key": renderer,
+        "front": False, "problem": None,
     }  # fmt: skip
     return SettingEntry(**{**given, **changes})
 

@@ -1,4 +1,4 @@
-"""What follows from a bench's numbers, and all of it in words: fronts, orders of convergence, the cheapest setting."""
+"""What follows from a bench's numbers, and all of it in words: fronts, orders, the cheapest setting, what changed."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import product
+from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
 
 from hapticeval import quantity
 from hapticeval.errors import in_mm
-from hapticeval.study.bench.document import Answer, BenchResults, Change, Kind, OrderEntry, SettingEntry
+from hapticeval.study.bench.document import TICK, Answer, BenchResults, Change, OrderEntry, SettingEntry, Times
 
-TIMED_KINDS: tuple[Kind, ...] = ("step", "batch")
 WITHIN, BUDGET = 1e-4, 1e-5  # the question that is always answered: 0.1 mm within 10 us
 ALIKE_SHARE = 0.05  # share by which two times of one bench may differ by luck
+ERROR_WORTH = 1e-6  # errors are not random: they have changed where they differ by more than this share
+TIME_WORTH = 0.10
+"""A ratio of times closer to one than this is no change: two benches of the same code reached 0.03."""
 
 
 def judge_bench(results: BenchResults, *, within: float | None = None, budget: float | None = None) -> BenchResults:
@@ -27,31 +29,26 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
     Errors are the largest of the IHIP, over all contact that was measured, as far as they are proven. `within` (m) and
     `budget` (s) replace the question that is always answered. Times are medians: what lies far above is the machine's.
     """
-    on_front: dict[str, list[Kind]] = {}
+    on_front: set[str] = set()
     answers = []
     # A tolerance of the user's own without a budget has none: the budget belongs to the question that is always asked.
     tolerance, limit = within or WITHIN, budget or (BUDGET if within is None else math.inf)
     for model, settings in results.by_model().items():
         # A model without any error still has its answer: no setting.
         references = list(dict.fromkeys(setting.reference for setting in settings if setting.claims)) or [None]
-        for kind, reference in product(TIMED_KINDS, references):
+        for reference in references:
             usable = [
-                (setting, times.median, setting.claims["ihip"]["max"])
+                (setting, setting.step.median, setting.claims["ihip"]["max"])
                 for setting in settings
-                if setting.claims is not None
-                and setting.reference == reference
-                and (times := setting.times(kind)) is not None
+                if setting.claims is not None and setting.reference == reference and setting.step is not None
             ]
             medians, claims = [median for _, median, _ in usable], [claim for *_, claim in usable]
-            # Step and batch have fronts of their own: one may be quick in one alone.
-            for index in pareto_front(medians, claims):
-                on_front.setdefault(usable[index][0].key, []).append(kind)
+            on_front.update(usable[index][0].key for index in pareto_front(medians, claims))
             best = cheapest_setting(medians, claims, within=tolerance, budget=limit)
             entry = None if best is None else usable[best][0]
             answers.append(
                 Answer(
                     model=model,
-                    what=kind,
                     within_m=tolerance,
                     budget_s=limit if math.isfinite(limit) else None,
                     key=None if entry is None else entry.key,
@@ -59,7 +56,7 @@ def judge_bench(results: BenchResults, *, within: float | None = None, budget: f
                     reference=reference,
                 )
             )
-    settings = [replace(setting, front=on_front.get(setting.key, [])) for setting in results.settings]
+    settings = [replace(setting, front=setting.key in on_front) for setting in results.settings]
     return replace(results, settings=settings, answers=answers, orders=list(convergence_orders(results.settings)))
 
 
@@ -181,8 +178,7 @@ length, duration = partial(quantity.format_length, micro="u"), partial(quantity.
 """On a terminal, units are spelt as options take them."""
 
 SETTING_COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
-    # A star for the front of single steps; that of batches is in the document.
-    "": lambda setting: "*" if "step" in setting.front else "",
+    "": lambda setting: "*" if setting.front else "",
     "setting": lambda setting: setting.label,
     "IHIP worst": lambda setting: (
         "~" * (setting.proven is False) + length(setting.claims["ihip"]["max"]) if setting.claims else None
@@ -192,11 +188,10 @@ SETTING_COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "normal 99%": lambda setting: f"{setting.claims['normal']['p99']:.2g} deg" if setting.claims else None,
     "force 99%": lambda setting: f"{setting.claims['force']['p99']:.2g} N" if setting.claims else None,
     "step median": lambda setting: duration(setting.step.median) if setting.step else None,
-    "99.9%": lambda setting: duration(setting.step.p999) if setting.step else None,
+    "99%": lambda setting: duration(setting.step.p99) if setting.step else None,
     "of tick": lambda setting: (
-        f"{quantity.format_number(100 * setting.step.tick_share, 2)} %" if setting.step else None
+        f"{quantity.format_number(100 * setting.step.p99 / TICK, 2)} %" if setting.step else None
     ),
-    "batch": lambda setting: duration(setting.batch.median) if setting.batch else None,
     "memory": lambda setting: None if setting.memory_bytes is None else quantity.format_size(setting.memory_bytes),
     # The shortest of several builds: the others waited for the machine.
     "mesh": lambda setting: duration(min(setting.mesh_seconds)) if setting.mesh_seconds else None,
@@ -215,6 +210,7 @@ def describe(results: BenchResults) -> str:
         "\n".join(_orders(results)),
         "\n".join(describe_unproven(results)),
         "\n".join(_in_compiled_loops(results)),
+        _noise_words(results.empty),
         "\n".join(["Not measured:", *(f"   {sentence}" for sentence in left_out)]) if left_out else "",
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
@@ -234,7 +230,7 @@ def _tables(results: BenchResults) -> Iterator[str]:
         if not filled:
             continue
         rows = [["-" if cell is None else cell for cell in row] for row in zip(*filled.values(), strict=True)]
-        head = f"{model} (* on the Pareto front of its reference, one step at a time; ~ not proven)"
+        head = f"{model} (* on the Pareto front of its reference, ~ an upper bound: not proven)"
         yield "\n".join([head, *quantity.align_columns([list(filled), *rows], left=2)])
 
 
@@ -251,21 +247,20 @@ def _orders(results: BenchResults) -> Iterator[str]:
 
 
 def _answers(results: BenchResults) -> Iterator[str]:
-    kinds = {"step": "one step at a time", "batch": "in batch"}
     by_key = {setting.key: setting for setting in results.settings}
-    references = Counter(answer.model for answer in results.answers if answer.what == "step")
+    references = Counter(answer.model for answer in results.answers)
     for answer in results.answers:
         budget = f" within {duration(answer.budget_s)}" if answer.budget_s else ""
         words = "no setting"
         if answer.key is not None:
             entry = by_key[answer.key]
-            claims, took = entry.claims, entry.times(answer.what)
-            # Errors are those that the reference proves; times those of single steps or of batches.
+            claims, took = entry.claims, entry.step
+            # Errors are those that the reference proves.
             if claims is not None and took is not None:
                 error, median, p99 = length(claims["ihip"]["max"]), duration(took.median), duration(took.p99)
                 words = f"{answer.label} ({error} in {median}, 99 % of steps in {p99})"
         reference = f", off from {answer.reference}" if references[answer.model] > 1 else ""
-        yield f"{answer.model}{reference}, {length(answer.within_m)}{budget}, {kinds[answer.what]}: {words}"
+        yield f"{answer.model}{reference}, {length(answer.within_m)}{budget}: {words}"
     for model, count in references.items():
         if count > 1:
             yield (
@@ -274,15 +269,77 @@ def _answers(results: BenchResults) -> Iterator[str]:
             )
 
 
+def _noise_words(empty: Times | None) -> str:
+    """Say what a call costs that does nothing: a front tells no times apart that differ by less."""
+    if empty is None:
+        return ""
+    return (
+        f"a call that does nothing takes {duration(empty.median)}, and 99 % of them at most {duration(empty.p99)}: "
+        "that is in every step, and times that differ by less are the same"
+    )
+
+
 def _comparison(changes: Sequence[Change]) -> Iterator[str]:
     for change in changes:
-        if change.verdict != "not significant":
-            # No ratio where the old error was zero, no interval for errors, which are not random.
+        if change.verdict != "the same":
+            # No ratio where the old error was zero.
             by = "" if change.ratio is None else f": {change.ratio:.3g} times"
-            if change.p is not None:
-                high = "" if change.high is None else f"{change.high:.3g}"
-                by += f" [{change.low:.3g}, {high}], p = {change.p:.2g}"
             yield f"{change.verdict}: {change.label} on the {change.model}, {change.what}{by}"
     if changes:
-        quiet = sum(change.verdict == "not significant" for change in changes)
-        yield f"compared: {quiet} of {len(changes)} not significant"
+        alike = sum(change.verdict == "the same" for change in changes)
+        yield f"compared: {alike} of {len(changes)} the same"
+
+
+def compare_benches(now: BenchResults, before: BenchResults) -> list[Change]:
+    """Compare two benches, setting by setting: have times or errors changed?
+
+    Returns a change for each setting that both timed, and one for each whose error has changed.
+    """
+    past = {(setting.model, setting.label): setting for setting in before.settings if setting.problem is None}
+    pairs = [
+        (setting, past[setting.model, setting.label])
+        for setting in now.settings
+        if setting.problem is None and (setting.model, setting.label) in past
+    ]
+    noise = max((bench.empty.p99 - bench.empty.median for bench in (now, before) if bench.empty), default=0.0)
+    times = [
+        Change(
+            model=setting.model,
+            label=setting.label,
+            what="step",
+            ratio=setting.step.median / old.step.median,
+            verdict=judge_times(setting.step, old.step, noise=noise),
+        )
+        for setting, old in pairs
+        if setting.step is not None and old.step is not None
+    ]
+    return times + [change for setting, old in pairs for change in _error_change(setting, old)]
+
+
+def judge_times(now: Times, before: Times, *, noise: float) -> Literal["better", "worse", "the same"]:
+    """Return whether a step takes more or less time than before.
+
+    It does where every round of one bench is slower than every round of the other, for a slow stretch of the machine
+    slows whole rounds; and where the medians differ by more than `TIME_WORTH`, and than the `noise` (s) of a call that
+    does nothing.
+    """
+    if abs(math.log(now.median / before.median)) <= math.log1p(TIME_WORTH) or abs(now.median - before.median) <= noise:
+        return "the same"
+    if min(now.rounds) > max(before.rounds):
+        return "worse"
+    return "better" if max(now.rounds) < min(before.rounds) else "the same"
+
+
+def _error_change(now: SettingEntry, before: SettingEntry) -> Iterator[Change]:
+    if now.errors is None or before.errors is None:
+        return
+    new, old = now.errors["ihip"]["max"], before.errors["ihip"]["max"]
+    # Errors are deterministic: a difference beyond rounding is a change.
+    if abs(new - old) > ERROR_WORTH * max(new, old) + 1e-12:
+        yield Change(
+            model=now.model,
+            label=now.label,
+            what="IHIP error",
+            ratio=new / old if old > 0.0 else None,
+            verdict="better" if new < old else "worse",
+        )

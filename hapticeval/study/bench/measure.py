@@ -11,12 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import FunctionType, MethodType, ModuleType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
+from hapticeval.kernel_cache import sharing_nothing
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Batch, Renderer, RendererFactory, abilities_of
+from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, IntArray
@@ -24,7 +25,6 @@ from hapticeval.workers import cores
 
 WARM_UP = 200  # steps before each round of timing, outside the clock
 LONG_BUILD = 0.3  # s above which a build, with what it is given, is timed once
-LONG_BATCH = 0.02  # s that a round of batches may take
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +57,11 @@ def without_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> IntArray:
+def step_times(renderer: Any, along: Track, count: int, *, first: int) -> IntArray:
     """Time each of `count` steps called from Python, from row `first` on, after a warm-up: (count,), ns.
 
     A library is called from a compiled loop, as closed loops do, and its step has no Python in it. The clock's own cost
-    is in every sample: see `clock_cost`.
+    is in every sample: see `DoesNothing`.
     """
     from hapticeval.adapters.library import LibraryRenderer
 
@@ -90,34 +90,14 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
     return samples
 
 
-def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None:
-    """Time up to `count` whole runs, after one that does not count: (n,), ps per step; None without `run`."""
-    if not abilities_of(renderer).run:
-        return None
-    clock, run, hips, dt = time.perf_counter_ns, cast("Batch", renderer).run, along.hips, along.dt
-    begun = clock()
-    run(hips.copy(), dt)
-    # The first run compiles and warms; it also says how many fit into the time.
-    took = (clock() - begun) * 1e-9
-    repeats = int(np.clip(LONG_BATCH / max(took, 1e-9), 3, count))
-    samples = np.empty(repeats, dtype=np.int64)
-    for k in range(repeats):
-        given_hips = hips.copy()
-        begun = clock()
-        run(given_hips, dt)
-        # ns of the run times 1000 over its steps: ps per step.
-        samples[k] = (clock() - begun) * 1000 // len(hips)
-    return samples
+class DoesNothing:
+    """A renderer that answers nothing: what its step takes is in the time of every other."""
 
+    def reset(self, hip: Array) -> None:
+        """Start nothing."""
 
-def clock_cost() -> float:
-    """Measure the nanoseconds between two readings of the clock with nothing in between: the median of many."""
-    clock = time.perf_counter_ns
-    samples = np.empty(5000, dtype=np.int64)
-    for k in range(samples.size):
-        begun = clock()
-        samples[k] = clock() - begun
-    return float(np.median(samples))
+    def step(self, hip: Array, velocity: Array, dt: float) -> None:
+        """Answer nothing."""
 
 
 def time_builds(
@@ -134,7 +114,7 @@ def time_builds(
     first_built: Any = None
     while len(build_seconds) < repeats and (not build_seconds or before[0] + build_seconds[0] < LONG_BUILD):
         scene = next(scenes)
-        with without_garbage_collection():
+        with without_garbage_collection(), sharing_nothing():
             # Making the mesh and building the renderer are timed apart: the user may have the mesh already.
             preparing = clock()
             prepared = prepare(scene)
@@ -187,7 +167,7 @@ def _slots(instance: object) -> list[str]:
 
 
 def machine() -> dict[str, Any]:
-    """Describe what times depend on beside the versions: processor, cores that may be used, clock, and other work."""
+    """Describe what times depend on beside the versions: processor, cores that may be used, and other work."""
     processor = platform.processor() or platform.machine()
     # platform.processor() is empty on many Linux systems.
     cpuinfo = FilePath("/proc/cpuinfo")
@@ -198,6 +178,4 @@ def machine() -> dict[str, Any]:
         "processor": processor,
         "cores": cores(),
         "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-        "clock_ns": clock_cost(),
-        "clock_resolution_ns": time.get_clock_info("perf_counter").resolution * 1e9,
     }

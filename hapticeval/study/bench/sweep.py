@@ -37,10 +37,10 @@ from hapticeval.study.bench.accuracy import (
     workload,
     worst_place,
 )
-from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, Samples, SettingEntry, Times
+from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, SettingEntry, Times
 from hapticeval.study.bench.measure import (
+    DoesNothing,
     array_bytes,
-    batch_times,
     machine,
     sample_track,
     step_times,
@@ -49,27 +49,24 @@ from hapticeval.study.bench.measure import (
 )
 from hapticeval.types import IntArray
 
-TICK = 1e-3
-"""Seconds in which a haptic renderer must have answered."""
-
 Progress = Callable[[int, int, str], None]
 """Called with how many of how many pieces of work are done, and which comes next."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is measured: models and meshes, rounds of timing, steps and batches per round, and builds."""
+    """How much is measured: models and meshes, points of each, rounds of timing, steps per round, and builds."""
 
     models: tuple[str, ...]
     finer: tuple[int, ...]
+    points: int
     rounds: int
     steps: int
-    batches: int
     builds: int
 
 
-QUICK = Effort(models=("cassinian",), finer=(1, 4, 16, 32), rounds=8, steps=250, batches=3, builds=1)
-FULL = Effort(models=tuple(PLANE_PATHS), finer=(1, 2, 4, 8, 16, 32, 128), rounds=20, steps=1000, batches=10, builds=5)
+QUICK = Effort(models=("cassinian",), finer=(1, 4, 16, 32), points=400, rounds=4, steps=250, builds=1)
+FULL = Effort(models=tuple(PLANE_PATHS), finer=(1, 2, 4, 8, 16, 32, 128), points=1000, rounds=20, steps=1000, builds=5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +230,6 @@ class _Entry:
     problem: str | None = "not reached"
     failure: HapticevalError | None = None
     steps: list[IntArray] = field(default_factory=list)
-    batches: list[IntArray] = field(default_factory=list)
 
     def document_entry(self) -> SettingEntry:
         """Return the entry of the document; errors that are rounding count as none."""
@@ -256,9 +252,7 @@ class _Entry:
             errors=rounded,
             claims=None if rounded is None or reference is None else reference.claims(rounded),
             proven=None if rounded is None or reference is None else reference.proves(rounded),
-            # Samples of steps are in ns, of batches in ps per step.
-            step=_time_statistics(self.steps, 1e-9),
-            batch=_time_statistics(self.batches, 1e-12),
+            step=_time_statistics(self.steps),
             memory_bytes=self.memory,
             build_seconds=self.builds,
             mesh_seconds=self.meshes,
@@ -266,7 +260,7 @@ class _Entry:
             # Where nothing is off no place is the worst.
             worst_at=self.worst_at if rounded is not None and rounded["ihip"]["max"] > 0.0 else None,
             key=self.key,
-            front=[],
+            front=False,
             problem=self.problem,
         )
 
@@ -281,13 +275,15 @@ class Sweep:
         self.seed = seed
         self.command = command
         self.effort = QUICK if quick else FULL
-        self.works = [workload(kind, seed=seed) for kind in settings]
+        self.works = [workload(kind, points=self.effort.points, seed=seed) for kind in settings]
         pairs = [(work, setting) for work in self.works for setting in settings[work.name]]
         self.factories = {setting.renderer: setting.base for _, setting in pairs}
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
+        self.empty: list[IntArray] = []
         self._fresh = count(1)
+        self._compiled: set[str] = set()
         self.reason: str | None = None
         self.wall = 0.0
         self.machine = machine()
@@ -332,18 +328,19 @@ class Sweep:
 
     def _measure(self, entry: _Entry) -> None:
         setting, work = entry.setting, entry.work
-        first = with_mesh(work.scene, 1) if setting.finer else work.scene
-        warm = make_renderer(setting.factory, first)  # what is compiled on first use is compiled now
-        if not isinstance(warm, Renderer):
+        if setting.renderer not in self._compiled:  # what is compiled on first use is compiled now
+            make_renderer(setting.factory, with_mesh(work.scene, 1) if setting.finer else work.scene)
+            self._compiled.add(setting.renderer)
+        # A new model for every build: a renderer may keep what it has prepared for a model.
+        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
+        built, entry.builds, took = time_builds(setting.factory, setting.prepare, scenes, self.effort.builds)
+        if not isinstance(built, Renderer):
             raise _NotBenched(
                 f"'{setting.renderer}' has no reset and step to be timed",
                 why="it answers a whole stimulus at once",
             )
-        # A new model for every build: a renderer may keep what it has prepared for a model.
-        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
-        entry.renderer, entry.builds, took = time_builds(setting.factory, setting.prepare, scenes, self.effort.builds)
-        entry.meshes = took if setting.finer else []
-        measured = answers_to(entry.renderer if setting.finer else warm, work)
+        entry.renderer, entry.meshes = built, took if setting.finer else []
+        measured = answers_to(built, work)
         entry.reference = self._reference(setting, work, measured)
         if entry.reference is not None:
             entry.errors = errors_against(measured, entry.reference.answers, floor=force_floor(work.scene))
@@ -373,7 +370,7 @@ class Sweep:
     def _round(self, number: int, order: np.random.Generator) -> None:
         """Time every setting once, in a random order. A round that is cut short is dropped as a whole."""
         live = [entry for entry in self.entries if entry.renderer is not None]
-        took: dict[str, tuple[IntArray, IntArray | None]] = {}
+        took: dict[str, IntArray] = {}
         tracks = {work.name: sample_track(work.slide, work.dt) for work in self.works}
         # A round fills `took` and adds it at its end: one that Ctrl-C cuts short leaves nothing.
         for k in order.permutation(len(live)):
@@ -382,25 +379,12 @@ class Sweep:
             assert entry.renderer is not None
             # Each round goes on along the path where the last one ended.
             first = number * self.effort.steps % len(along.rows)
-            steps = step_times(entry.renderer, along, self.effort.steps, first=first)
-            took[entry.key] = steps, batch_times(entry.renderer, along, self.effort.batches)
+            took[entry.key] = step_times(entry.renderer, along, self.effort.steps, first=first)
+        if live:
+            self.empty.append(step_times(DoesNothing(), tracks[live[0].work.name], self.effort.steps, first=0))
         self.rounds += 1
         for entry in live:
-            steps, batches = took[entry.key]
-            entry.steps.append(steps)
-            if batches is not None:
-                entry.batches.append(batches)
-
-    def samples(self) -> Samples:
-        """Return the raw samples of the rounds that were finished."""
-        samples: dict[str, IntArray] = {}
-        for entry in self.entries:
-            for kind, rounds in (("step", entry.steps), ("batch", entry.batches)):
-                if rounds:
-                    # Batches of a round may be fewer where a run took longer: cut to a rectangle.
-                    shortest = min(batch.size for batch in rounds)
-                    samples[f"{entry.key}/{kind}"] = np.stack([batch[:shortest] for batch in rounds])
-        return samples
+            entry.steps.append(took[entry.key])
 
     def results(self) -> BenchResults:
         """Return what was measured as a document; `judge.judge_bench` adds fronts, orders and answers."""
@@ -426,6 +410,7 @@ class Sweep:
             orders=[],
             answers=[],
             timing={"wall_seconds": self.wall},
+            empty=_time_statistics(self.empty),
         )
 
 
@@ -435,11 +420,14 @@ class _NotBenched(InputError):
     exit_code = 0
 
 
-def _time_statistics(rounds: Sequence[IntArray], second: float) -> Times | None:
-    """Return statistics of a step's time from samples in units of `second` seconds; None without samples."""
+def _time_statistics(rounds: Sequence[IntArray]) -> Times | None:
+    """Return statistics of a step's time from the samples of each round, (n,), ns; None without rounds."""
     if not rounds:
         return None
-    # All rounds together: a quantile of 99.9 per cent needs thousands of steps.
-    every = second * np.concatenate(rounds)
-    p99, p999 = (float(np.quantile(every, share)) for share in (0.99, 0.999))
-    return Times(median=float(np.median(every)), p99=p99, p999=p999, max=float(np.max(every)), tick_share=p999 / TICK)
+    seconds = [1e-9 * samples for samples in rounds]
+    together = np.concatenate(seconds)
+    return Times(
+        median=float(np.median(together)),
+        p99=float(np.quantile(together, 0.99)),
+        rounds=[float(np.median(samples)) for samples in seconds],
+    )
