@@ -188,7 +188,6 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
 STUDIES: Sequence[tuple[Callable[..., None], str, str]] = (
     (draw.field, draw.DRAW_CODES, "Draw where a projection leads, and where it jumps."),
     (draw.limits, draw.LIMITS_CODES, "Find the largest stiffness that stays stable."),
-    (draw.plates, draw.DRAW_CODES, "Find the thinnest plate that renderers hold."),
 )
 
 

@@ -1,4 +1,4 @@
-"""What effects of the surface do to the force, a panel for each; and what they cost, beside an engine that tests flags.
+"""What effects of the surface do to the force, a panel for each.
 
 A panel is drawn from the recording of a run whose scene calls for that effect of the surface alone.
 """
@@ -20,7 +20,6 @@ from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.canvas import MM
 from hapticeval.reports.chart import Axis, Chart, Curve, charts_data
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
-from hapticeval.study.effects_cost import EffectsDocument
 from hapticeval.types import Array
 
 # ruff: noqa: ARG001 - every chart has these arguments
@@ -258,24 +257,3 @@ PANELS: Mapping[str, Callable[[Recording, Model, Effect], Chart]] = {
     "recorded-impulse": _transient,
 }
 """What is drawn of an effect, by kind."""
-
-
-def cost_data(document: EffectsDocument) -> str:
-    """Return the time of an answer by the number of effects called for, for a page; "" without a ladder."""
-    if document.ladder is None:
-        return ""
-    rungs = document.ladder.rungs
-    lines = (
-        # s an answer, with one effect more from rung to rung.
-        ([rung.tested for rung in rungs], "ihip", "s", "an engine with all of them, which tests flags"),
-        ([rung.composed for rung in rungs], "hip", "o", "composed of those called for"),
-    )
-    curves = [
-        Curve(x=[1e9 * seconds for seconds in times], y=range(len(rungs)), role=role, marker=marker, label=label)
-        for times, role, marker, label in lines
-    ]
-    names = [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in rungs]
-    title = "Time of an answer by the number of effects that a scene calls for"
-    return charts_data(
-        [Chart(title=title, x=Axis(label="an answer (ns)", zero=True), y=Axis(label="", names=names), curves=curves)]
-    )

@@ -21,7 +21,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import bench_plots
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.case_page import asset
-from hapticeval.reports.effects_figure import EffectPlot, cost_data
+from hapticeval.reports.effects_figure import EffectPlot
 from hapticeval.reports.grid import Grid, HardCase, case_grid, hard_cases, worst_verdicts
 from hapticeval.reports.table import Summary, summaries
 from hapticeval.reports.templates import CHECK_PAGES, INDEX, PAGES_FOLDER, anchor, case_file, environment, explain_terms
@@ -29,7 +29,6 @@ from hapticeval.runner.diff import Edition, History
 from hapticeval.runner.results import Breakdown, Replay, ResultsDocument, RunEntry, SuiteEntry, VerdictEntry
 from hapticeval.runner.standing import Standing, count_standings
 from hapticeval.study.bench.document import BenchResults
-from hapticeval.study.effects_cost import EffectsDocument
 
 if TYPE_CHECKING:
     from hapticeval.closed_forms import ClosedForm
@@ -116,7 +115,7 @@ class ReportView:
     """What the templates show of results, and of what lies beside them; of what is not there they have no page.
 
     - `drawings`: the figures of the verdicts that `worst_verdicts` names, by suite, case, renderer and check
-    - `effects`, `costs`: panels of effects, and what effects cost
+    - `effects`: panels of effects
     - `counterexamples`: of a search
     - `replayed`: a recording that was replayed into replay/
     - `single`: with it all is on one page, which links to itself
@@ -126,13 +125,9 @@ class ReportView:
     drawings: Mapping[tuple[str, str, str, str], Drawing] = field(default_factory=dict)
     bench: BenchResults | None = None
     effects: Sequence[EffectPlot] = ()
-    costs: EffectsDocument | None = None
     counterexamples: Sequence[Counterexample] = ()
     replayed: ResultsDocument | None = None
     single: Single | None = None
-
-    # What the pages on costs are drawn and told with.
-    cost_data = staticmethod(cost_data)
 
     # What the run amounts to.
 
@@ -349,7 +344,7 @@ SUB_PAGES: Sequence[SubPage] = (
         lambda view: bool(view.summaries),
     ),
     SubPage("costs", "What accuracy costs in time", lambda view: view.bench is not None),
-    SubPage("effects", "Effects", lambda view: bool(view.effects) or view.costs is not None),
+    SubPage("effects", "Effects", lambda view: bool(view.effects)),
     SubPage("replay", "Replay", lambda view: view.replay is not None),
     SubPage("counterexamples", "Counterexamples", lambda view: bool(view.counterexamples)),
     SubPage("hard-cases", "Hard cases", lambda view: bool(view.hard_cases[1])),

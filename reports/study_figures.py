@@ -1,4 +1,4 @@
-"""Studies as pictures: a projection field (Figures 4.5 to 4.8, 5.14), limits of stability, the thinnest plates held."""
+"""Studies as pictures: a projection field (Figures 4.5 to 4.8, 5.14), limits of stability."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.files import file_stem
 from hapticeval.quantity import format_quantity, plural
-from hapticeval.reports.canvas import BOXED, CURVES, INK, MARKERS, MM, PALETTE, QUIET, THEME, figure, save_figure
+from hapticeval.reports.canvas import BOXED, INK, MM, PALETTE, QUIET, figure, save_figure
 from hapticeval.reports.paper import PaperFigure, paper_page
 from hapticeval.study.projection_field.field import Field
 
@@ -154,42 +154,6 @@ def _simplified_line(line: Any) -> Any:
     import shapely
 
     return MM * shapely.get_coordinates(shapely.simplify(line, DRAWN_LINE_TOLERANCE))
-
-
-def write_plates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
-    """Draw the document of `hapticeval study plates` into `directory` as SVG and PNG, with the numbers as JSON.
-
-    Where no thickness is held the mark is a cross over the thickest plate. Return the paths written. Raises
-    `HapticevalError` where a file cannot be written.
-    """
-    panels = document["renderers"]
-    thickest = 1e3 * document["thickest"]
-    across = min(len(panels), 3)
-    down = -(-len(panels) // across)
-    with figure(3.4 * across + 0.4, 3.2 * down, layout="constrained") as fig:
-        grid = fig.subplots(down, across, squeeze=False, sharex=True, sharey=True)
-        for axes in grid.flat[len(panels) :]:
-            axes.set_visible(False)
-        for axes, (name, borders) in zip(grid.flat, panels.items(), strict=False):
-            pushes = dict.fromkeys(border["push"] for border in borders)
-            for role, marker, push in zip(CURVES, MARKERS, pushes, strict=False):
-                of_push = [border for border in borders if border["push"] == push]
-                with_thickness = [border for border in of_push if border["thinnest"] is not None]
-                lost_speeds = [border["speed"] for border in of_push if border["thinnest"] is None]
-                thicknesses = [1e3 * border["thinnest"] for border in with_thickness]
-                look: dict[str, Any] = {"color": THEME[role]}
-                speeds = [border["speed"] for border in with_thickness]
-                axes.plot(speeds, thicknesses, marker=marker, label=f"{push:g} N", **look)
-                axes.plot(lost_speeds, [1.3 * thickest] * len(lost_speeds), "x", **look)
-            axes.set(xscale="log", yscale="log", title=name.rpartition(":")[2])
-            axes.set_ylim(1e3 * document["thinnest"] / 1.2, 1.5 * thickest)
-            axes.axhline(thickest, color=THEME["quiet"], linewidth=0.8, linestyle=":")
-        for axes in grid[-1]:
-            axes.set_xlabel("speed of the hand (m/s)")
-        for axes in grid[:, 0]:
-            axes.set_ylabel("thinnest plate held (mm)\ncross: none up to the dotted line")
-        grid[0, -1].legend(title="push", loc="lower right")
-        return save_figure(fig, directory, file_stem("plates-" + "-".join(panels)), document=document)
 
 
 SAMPLING_TIME_COLOURS = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")

@@ -34,7 +34,6 @@ from hapticeval.reports.table import markdown
 from hapticeval.reports.templates import INDEX, PAGES_FOLDER, PATH_TO_PAGES, case_file
 from hapticeval.runner.results import RESULTS_FILE, ResultsDocument, RunEntry, VerdictEntry, read_results
 from hapticeval.study.bench.document import BENCH_FILE, read_bench
-from hapticeval.study.effects_cost import EFFECTS_FILE, read_costs
 from hapticeval.workers import Answer, ProcessEnded, Workers
 
 REPLAY = "replay"
@@ -152,7 +151,6 @@ def write_reports(
     results = read_results(directory)
     bench = read_bench(directory) if (directory / BENCH_FILE).exists() else None
     effects = effect_plots(directory, results)
-    costs = read_costs(directory) if (directory / EFFECTS_FILE).exists() else None
     replayed_results = read_results(directory / REPLAY) if (directory / REPLAY / RESULTS_FILE).exists() else None
     # An earlier report stays until the new one is complete.
     with _replacing_folder(directory / PAGES_FOLDER, single_file) as pages:
@@ -171,7 +169,6 @@ def write_reports(
             drawings,
             bench=bench,
             effects=effects,
-            costs=costs,
             counterexamples=counterexamples,
             replayed=replayed_results,
             single=_single_page(sections) if single_file else None,

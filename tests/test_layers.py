@@ -66,7 +66,6 @@ RESULTS = {
     "runner.results",
     "runner.standing",
     "study.bench.document",
-    "study.effects_cost",
     "study.projection_field.field",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""

@@ -18,9 +18,9 @@ import hapticeval
 from hapticeval.discovery import resolve
 from hapticeval.examples.engines.causes import CAUSES
 from hapticeval.examples.studies.field_tables import count_lines
+from hapticeval.examples.studies.plates import holds, narrow_border
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.results import VerdictEntry
-from hapticeval.study.plates import holds, narrow_border
 
 HARD_CASES = "hard-cases"
 """The group of suites in which a setting is tried where a column fails, and nowhere else: their models are large."""
@@ -124,7 +124,7 @@ CHANGES = """\
 PLATES_WORDS = """\
 ## Which plates hold
 
-The largest push, N, at which a tool stays in front of a plate, along the path of `hapticeval study plates`: the hand
+The largest push, N, at which a tool stays in front of a plate, along the path of `examples/studies/plates.py`: the hand
 comes at a speed and stops where a spring of 1000 N/m pushes as much. Looked for between 0.2 and 40 N, to 2 per cent."""
 
 FACTS = """\

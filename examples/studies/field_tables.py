@@ -10,9 +10,9 @@ from pathlib import Path
 import hapticeval
 from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
+from hapticeval.examples.studies.plates import CITED, THICKEST_PLATE, THINNEST_PLATE, find_thinnest
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry, read_results
-from hapticeval.study.plates import CITED, THICKEST_PLATE, THINNEST_PLATE, find_thinnest
 
 SUITES = ("thesis", "solids", "seams", "field")
 PAGE, RESULTS = Path("docs/renderers-of-the-field.md"), Path("results/field")

@@ -17,7 +17,6 @@ from hapticeval.commands.arguments import (
     option,
     parse_knobs,
     parse_point,
-    renderers_option,
 )
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
@@ -151,42 +150,3 @@ def limits(
     say(paragraphs(columns(describe(document)), wrote_lines(written)))
     # The largest eigenvalue's size in the sampled loop: below 1 it dies out.
     raise typer.Exit(int(document["growth"] >= 1.0))
-
-
-def plates(
-    renderers: Annotated[list[str] | None, renderers_option("an error")] = None,
-    directory: Folder = Path(),
-) -> None:
-    """Find the thinnest plate that a renderer holds, over the hand's speed and its push.
-
-    By bisection between 0.1 and 10 mm, along the direction of the case solids/plate. The hand stops where a spring of
-    1000 N/m pushes as much, and a plate is held where half of that comes back in the end.
-
-    \b
-    Examples:
-      hapticeval study plates -r constraint
-      hapticeval study plates -r virtual-proxy -r coupled -o pictures
-    """
-    from hapticeval.discovery import resolve
-    from hapticeval.reports.study_figures import write_plates
-    from hapticeval.study.plates import CITED, THICKEST_PLATE, THINNEST_PLATE, describe_border, study_plates
-
-    if not renderers:
-        raise InputError("no renderer is named", why="a map is of a renderer", todo="name one: -r constraint")
-    maps = {}
-    with Terminal() as terminal:
-        for name in renderers:
-            maps[name] = study_plates(resolve(name), terminal.working)
-    speed, push = CITED
-    rows = [
-        (name, f"at {speed:g} m/s and {push:g} N {describe_border(border.thinnest)}")
-        for name, borders in maps.items()
-        for border in borders
-        if (border.speed, border.push) == CITED
-    ]
-    document = {
-        "thinnest": THINNEST_PLATE,
-        "thickest": THICKEST_PLATE,
-        "renderers": {name: [border._asdict() for border in borders] for name, borders in maps.items()},
-    }
-    say(paragraphs(columns(rows), wrote_lines(write_plates(directory, document))))

@@ -287,7 +287,7 @@ FIRST_PAGE = [
     "run", "list", "explain", "report", "figure", "table", "diff", "history", "search", "bench", "new", "doctor",
     "header", "record", "inspect", "replay", "view", "convert", "merge", "badge", "cache", "study",
 ]  # fmt: skip
-STUDIES = ["field", "limits", "plates"]
+STUDIES = ["field", "limits"]
 COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]
 
 

@@ -7,7 +7,7 @@ from importlib import import_module
 
 import pytest
 
-PROGRAMS = ["flow", "device", "effects", "texture", "rates", "integrators"]
+PROGRAMS = ["flow", "device", "texture", "plates", "rates", "integrators"]
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -9,9 +9,9 @@ import pytest
 
 from hapticeval import RefusalError, Scene, make_model
 from hapticeval.discovery import resolve
+from hapticeval.examples.studies import plates
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
-from hapticeval.study import plates
 from hapticeval.suite.reading import load_suite
 
 pytest.importorskip("mujoco", reason="make test installs it")

@@ -16,8 +16,6 @@ from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.reports.canvas import figure
 from hapticeval.reports.chart import charts_data, draw_chart
 from hapticeval.reports.effects_figure import PANELS, contact_stretches, effect_chart, sliding_motion, work_on_hand
-from hapticeval.reports.write import write_reports
-from hapticeval.study.effects_cost import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
 
 NUMBERS = {
     "friction": {"mu_s": 0.5, "mu_k": 0.3},
@@ -104,25 +102,13 @@ def test_every_chart_is_data_of_finite_numbers_and_is_drawn_into_a_file_too(kind
     assert len(lines) == len(chart.curves)
 
 
-def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypatch):
+def test_the_page_shows_effects_where_there_are_any(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rung.toml").write_text(SUITE)
     main(["run", "rung.toml", "-r", "minimum-distance", "-o", "results"])
     page = (tmp_path / "results" / "report" / "effects.html").read_text()
     assert '<section class="wide" id="effects">' in page
     assert "<b>contact-transient</b>" in page
-    assert "What effects cost" not in page
-    called = ["contact-transient"]
-    costs = Cost(1e-6, 1000), Cost(5e-7, None)
-    scene = SceneEntry("rung", "wood", "minimum-distance", called, {"answer": called}, 200, *costs)
-    ladder = Ladder("rung", "wood", "minimum-distance", [Rung([], 1e-7, 2e-7), Rung(called, 2e-7, 2.5e-7)])
-    environment = json.loads((tmp_path / "results" / "results.json").read_text())["environment"]
-    write_costs(tmp_path / "results", EffectsDocument([scene], ladder, 30, environment, {"processor": "a <fast> one"}))
-    write_reports(tmp_path / "results", workers=0)
-    page = (tmp_path / "results" / "report" / "effects.html").read_text()
-    assert "What effects cost" in page
-    assert "answer: contact-transient" in page
-    assert "a &lt;fast&gt; one" in page
 
 
 def test_every_effect_of_the_surface_has_a_panel():

@@ -1,16 +1,29 @@
-"""How thin a plate a renderer holds: the thinnest that still pushes the hand back, by speed and push."""
+"""How thin a plate a renderer holds: the thinnest that still pushes the hand back, by speed and push.
+
+Run it as `python -m hapticeval.examples.studies.plates -r constraint -o pictures`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import NamedTuple
+from pathlib import Path as FilePath
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from hapticeval.cli import run_program
+from hapticeval.commands.arguments import Folder, renderers_option
+from hapticeval.commands.draw import DRAW_CODES
+from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote_lines
+from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
+from hapticeval.files import file_stem
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import RendererFactory
+from hapticeval.reports.canvas import CURVES, MARKERS, THEME, figure, save_figure
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
@@ -133,3 +146,83 @@ def describe_border(thinnest: float | None) -> str:
     if thinnest == THINNEST_PLATE:
         return f"a plate of {1e3 * THINNEST_PLATE:g} mm is held, the thinnest tried"
     return f"plates of {1e3 * thinnest:.3g} mm and more are held"
+
+
+def plates(
+    renderers: Annotated[list[str] | None, renderers_option("an error")] = None,
+    directory: Folder = FilePath(),
+) -> None:
+    """Find the thinnest plate that a renderer holds, over the hand's speed and its push.
+
+    By bisection between 0.1 and 10 mm, along the direction of the case solids/plate. The hand stops where a spring of
+    1000 N/m pushes as much, and a plate is held where half of that comes back in the end.
+
+    \b
+    Examples:
+      python -m hapticeval.examples.studies.plates -r constraint
+      python -m hapticeval.examples.studies.plates -r virtual-proxy -r coupled -o pictures
+    """
+    if not renderers:
+        raise InputError("no renderer is named", why="a map is of a renderer", todo="name one: -r constraint")
+    maps = {}
+    with Terminal() as terminal:
+        for name in renderers:
+            maps[name] = study_plates(resolve(name), terminal.working)
+    speed, push = CITED
+    rows = [
+        (name, f"at {speed:g} m/s and {push:g} N {describe_border(border.thinnest)}")
+        for name, borders in maps.items()
+        for border in borders
+        if (border.speed, border.push) == CITED
+    ]
+    document = {
+        "thinnest": THINNEST_PLATE,
+        "thickest": THICKEST_PLATE,
+        "renderers": {name: [border._asdict() for border in borders] for name, borders in maps.items()},
+    }
+    say(paragraphs(columns(rows), wrote_lines(write_plates(directory, document))))
+
+
+def write_plates(directory: FilePath, document: Mapping[str, Any]) -> list[FilePath]:
+    """Draw the document of the study into `directory` as SVG and PNG, with the numbers as JSON.
+
+    Where no thickness is held the mark is a cross over the thickest plate. Return the paths written. Raises
+    `HapticevalError` where a file cannot be written.
+    """
+    panels = document["renderers"]
+    thickest = 1e3 * document["thickest"]
+    across = min(len(panels), 3)
+    down = -(-len(panels) // across)
+    with figure(3.4 * across + 0.4, 3.2 * down, layout="constrained") as fig:
+        grid = fig.subplots(down, across, squeeze=False, sharex=True, sharey=True)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes, (name, borders) in zip(grid.flat, panels.items(), strict=False):
+            pushes = dict.fromkeys(border["push"] for border in borders)
+            for role, marker, push in zip(CURVES, MARKERS, pushes, strict=False):
+                of_push = [border for border in borders if border["push"] == push]
+                with_thickness = [border for border in of_push if border["thinnest"] is not None]
+                lost_speeds = [border["speed"] for border in of_push if border["thinnest"] is None]
+                thicknesses = [1e3 * border["thinnest"] for border in with_thickness]
+                look: dict[str, Any] = {"color": THEME[role]}
+                speeds = [border["speed"] for border in with_thickness]
+                axes.plot(speeds, thicknesses, marker=marker, label=f"{push:g} N", **look)
+                axes.plot(lost_speeds, [1.3 * thickest] * len(lost_speeds), "x", **look)
+            axes.set(xscale="log", yscale="log", title=name.rpartition(":")[2])
+            axes.set_ylim(1e3 * document["thinnest"] / 1.2, 1.5 * thickest)
+            axes.axhline(thickest, color=THEME["quiet"], linewidth=0.8, linestyle=":")
+        for axes in grid[-1]:
+            axes.set_xlabel("speed of the hand (m/s)")
+        for axes in grid[:, 0]:
+            axes.set_ylabel("thinnest plate held (mm)\ncross: none up to the dotted line")
+        grid[0, -1].legend(title="push", loc="lower right")
+        return save_figure(fig, directory, file_stem("plates-" + "-".join(panels)), document=document)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return run_program(plates, DRAW_CODES, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -9,11 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.cli import main
-from hapticeval.renderers import constraint, minimum_distance
-from hapticeval.scene import Scene
-from hapticeval.study import plates
-from hapticeval.study.plates import (
+from hapticeval.examples.studies import plates
+from hapticeval.examples.studies.plates import (
     HELD_SHARE,
     RATIO,
     RUN_UP,
@@ -23,8 +20,11 @@ from hapticeval.study.plates import (
     describe_border,
     find_thinnest,
     holds,
+    main,
     plate_scene,
 )
+from hapticeval.renderers import constraint, minimum_distance
+from hapticeval.scene import Scene
 
 
 class SeesTicks:
@@ -106,7 +106,7 @@ def test_a_border_in_words():
 def test_the_command_says_the_number_and_draws_the_map(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(plates, "HAND_SPEEDS", (0.3, 1.0))
     monkeypatch.setattr(plates, "HAND_PUSHES", (1.0, 10.0))
-    assert main(["study", "plates", "-r", "minimum-distance", "-r", "constraint", "-o", str(tmp_path)]) == 0
+    assert main(["-r", "minimum-distance", "-r", "constraint", "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "at 1 m/s and 10 N no plate up to 10 mm is held" in out
     document = json.loads((tmp_path / "plates-minimum-distance-constraint.json").read_text())
@@ -114,5 +114,5 @@ def test_the_command_says_the_number_and_draws_the_map(tmp_path, capsys, monkeyp
     assert [border["thinnest"] is None for border in borders] == [False, False, True, True]
     svg = (tmp_path / "plates-minimum-distance-constraint.svg").read_text()
     assert "thinnest plate held (mm)" in svg
-    assert main(["study", "plates"]) == 2
+    assert main([]) == 2
     assert "no renderer is named" in capsys.readouterr().err
