@@ -171,7 +171,7 @@ const Drawing = (() => {
   /** Where a linear axis has its numbers, about so many: steps of 1, 2 or 5 times a power of ten. */
   function linearTicks(low, high, count) {
     const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
-    const step = power * [1, 2, 5, 10].find((digit) => digit * power >= raw);
+    const step = power * [1, 2, 5, 10].find((digit) => digit * power >= 0.7 * raw);
     const tiny = Math.max(Math.abs(low), Math.abs(high)) < 1e-3, huge = Math.max(Math.abs(low), Math.abs(high)) >= 1e5;
     const places = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const text = (value) => (tiny || huge ? digits(value, 3) : value.toFixed(places).replace("-", "−"));
