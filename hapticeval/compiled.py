@@ -28,10 +28,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 import numpy as np
-from llvmlite.binding import Linkage, parse_assembly
 from numba import types
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.sigutils import normalize_signature
 from numba.core.typing.typeof import typeof_impl
@@ -44,12 +41,6 @@ from hapticeval.pulse import compiling
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T", bound=np.generic)
-
-ENVIRONMENT = "_ZN08NumbaEnv"
-"""How the names of numba's environments begin, one a kernel: what it needs of Python."""
-
-LINKS_IN, LINKS_BEFORE = (0, 61), (0, 69)
-"""The versions of numba in which `_LinkedLibrary` does its work, by inner methods; in others numba does all."""
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -99,8 +90,8 @@ def _cached_in(folder: Path) -> Iterator[None]:
 def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """Return the kernel of a function, which Python calls, with a second one for the kernels that call it by its name.
 
-    The second, `called`, is without numba's ways in from Python and from C, which are a third of the work of compiling.
-    Each has a cache of its own.
+    The second, `called`, is without numba's ways in from Python and from C: with them a start from an empty cache takes
+    12 % more. Each has a cache of its own.
 
     Numba asks a kernel twice for what another one calls: `get_call_template` types the call, `get_overload` gives the
     code. Both are replaced, so that they answer from `called`; and from the kernel itself for types with which Python
@@ -110,14 +101,7 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
     kernel = _dispatcher(function, folder, **options)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
-    called = _dispatcher(
-        function,
-        folder / "called",
-        **options,
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
-        pipeline_class=_LinkedCompiler if LINKS_IN <= numba.version_info.short < LINKS_BEFORE else Compiler,
-    )
+    called = _dispatcher(function, folder / "called", **options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
     kernel.called = called
     own_call_template, own_overload = kernel.get_call_template, kernel.get_overload
 
@@ -139,44 +123,6 @@ def _compile_once_on_disk(function: Callable[P, R], **options: Any) -> Callable[
 
     kernel.get_call_template, kernel.get_overload = call_template, overload
     return kernel  # type: ignore[no-any-return]
-
-
-class _LinkedLibrary(JITCodeLibrary):
-    """The code of a kernel that others call: it becomes a part of theirs, so no machine code is made of it alone.
-
-    Numba makes machine code of each such kernel too, which nothing runs.
-    """
-
-    def _optimize_final_module(self) -> None:
-        # The first of numba's two rounds: who calls it has both run over all that it is linked with.
-        codegen: Any = self._codegen
-        manager = codegen._module_pass_manager(
-            loop_vectorize=codegen._loopvect, slp_vectorize=False, opt=codegen._opt_level, cost="cheap"
-        )
-        passes, *builder = manager if isinstance(manager, tuple) else (manager,)  # numba 0.61 has no builder
-        passes.run(self._final_module, *builder)
-
-    def _finalize_final_module(self) -> None:
-        self._shared_module = linked = self._final_module
-        for function in linked.functions:
-            if not function.is_declaration and function.linkage == Linkage.external:
-                function.linkage = "linkonce_odr"  # as numba has it: each of those that it is linked with has a copy
-        # Numba sets the environment of each kernel that it compiles or loads: that alone gets a place in memory.
-        places = [str(place) for place in linked.global_variables if place.name.startswith(ENVIRONMENT)]
-        codegen: Any = self._codegen
-        self._final_module = parse_assembly("\n".join([str(codegen._create_empty_module(self.name)), *places]))
-        super()._finalize_final_module()  # type: ignore[no-untyped-call]
-
-
-class _LinkedCompiler(Compiler):
-    """Numba's compiler, into a `_LinkedLibrary`."""
-
-    def compile_extra(self, func: Callable[..., Any]) -> Any:
-        """Compile a function, as numba calls this."""
-        library: Any = _LinkedLibrary
-        self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
-        self.state.library.enable_object_caching()
-        return super().compile_extra(func)  # type: ignore[no-untyped-call]
 
 
 def _dispatcher(function: Callable[..., Any], folder: Path, **options: Any) -> Any:
