@@ -67,7 +67,9 @@ FLOW_KNOBS = {
         unit="",
         meaning="least distance of transversal lines as a share of their mean; 0.05 makes the map of a star continuous",
     ),
-    "levels": Knob(values=(10, 20, 40, 80, 100), quick=(20, 80), unit="", meaning="tangential levels of the flow grid"),
+    "levels": Knob(
+        values=(10, 20, 40, 60, 80, 100), quick=(20, 40), unit="", meaning="tangential levels of the flow grid"
+    ),
 }
 
 LUT = "lut"

@@ -10,10 +10,12 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.arguments import parse_knobs
+from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import star
-from hapticeval.renderer import Knob, Response
+from hapticeval.renderer import Knob, Response, choices_of
 from hapticeval.renderers import minimum_distance
+from hapticeval.renderers.maps.flow import FlowSettings
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
@@ -482,3 +484,9 @@ def test_the_time_to_make_a_mesh_is_no_time_to_build_a_renderer(run):
     assert 0.0 < min(finest.build_seconds) < min(finest.mesh_seconds), "which triangulates, checks, and makes a tree"
     assert run(settings_of(["minimum-distance"], quick=True)).results().settings[0].mesh_seconds == []
     assert {each.exit_code for each in run(settings_by_model(["sphere"], ["mapping"], quick=True)).failures} == {2}
+
+
+def test_the_quick_reference_of_the_flow_is_one_that_the_flow_takes():
+    for quick in (True, False):
+        for settings in refinements(choices_of(resolve("mapping")).knobs, quick=quick):
+            FlowSettings(**{name: value if name == "gap" else int(value) for name, value in settings.items()})
