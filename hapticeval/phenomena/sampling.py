@@ -8,12 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import (
-    FARTHEST_STANDOFF,
-    FORCE_DEPTH,
-    SINGLE_ROUNDINGS,
-    TIE_SHARE,
-)
+from hapticeval.phenomena.decisions import FARTHEST_STANDOFF, FORCE_DEPTH, SINGLE_ROUNDINGS, TIE_SHARE
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import DOUBLE, SINGLE
 from hapticeval.scene import Scene

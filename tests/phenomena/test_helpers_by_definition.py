@@ -51,12 +51,7 @@ from hapticeval.phenomena.measures.steps import largest_jump, step_bounds, worst
 from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.measures.surface_motion import _overshoot, decay_rate
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    force_floor,
-    note_cut_standoff,
-    rounding,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import force_floor, note_cut_standoff, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
 

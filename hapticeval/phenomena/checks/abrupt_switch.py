@@ -9,10 +9,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE
 from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    listed,
-    mm,
-)
+from hapticeval.phenomena.sampling import listed, mm
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray

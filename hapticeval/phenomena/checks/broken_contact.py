@@ -9,10 +9,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.decisions import FACE_TURN_SHARE, HELD_FORCE_SHARE, LAG_TICKS, SAME_DEPTH_SHARE, SAME_NORMAL
 from hapticeval.phenomena.measures.crossings import Crossing, angle_between, find_crossings, worst_finding
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    listed,
-    mm,
-)
+from hapticeval.phenomena.sampling import listed, mm
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
 from hapticeval.quantity import plural
 from hapticeval.scene import Scene

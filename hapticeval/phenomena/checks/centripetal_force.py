@@ -28,10 +28,7 @@ from hapticeval.phenomena.decisions import (
 )
 from hapticeval.phenomena.measures.surface_motion import decay_rate
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    mm,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import mm, worst_row
 from hapticeval.phenomena.verdict import Facts, Finding, compared, not_applicable, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import runs_of

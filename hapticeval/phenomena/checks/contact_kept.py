@@ -9,12 +9,7 @@ from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
 from hapticeval.phenomena.measures.closed_paths import running_sums
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    listed,
-    mm,
-    newtons,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import listed, mm, newtons, worst_row
 from hapticeval.phenomena.verdict import Facts, Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene

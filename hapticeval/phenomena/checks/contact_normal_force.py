@@ -19,12 +19,7 @@ from hapticeval.phenomena.decisions import ANGLE_ROUNDING, LAG_TICKS, SINGLE_ROU
 from hapticeval.phenomena.lag import delayed, largest_in_lag, over_lag, resting_ticks
 from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    mm,
-    newtons,
-    steps_to,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import mm, newtons, steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene

@@ -38,13 +38,7 @@ from hapticeval.phenomena.measures.steps import (
 )
 from hapticeval.phenomena.measures.under_the_hand import find_aside
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    listed,
-    mm,
-    rounding,
-    steps_to,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import listed, mm, rounding, steps_to, worst_row
 from hapticeval.phenomena.verdict import Facts, Finding, Metric, Outcome, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array

@@ -9,11 +9,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import ANSWER_CHANGE, STEEP_FACTOR
 from hapticeval.phenomena.measures.closed_paths import laps
-from hapticeval.phenomena.sampling import (
-    digits_kept,
-    mm,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import digits_kept, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.scene import Scene
 

@@ -20,11 +20,7 @@ from hapticeval.phenomena.measures.stiffness import (
 )
 from hapticeval.phenomena.measures.stiffness_pattern import describe_pattern
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    mm,
-    newtons,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import mm, newtons, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import backward_difference

@@ -10,11 +10,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    listed,
-    mm,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import listed, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray

@@ -10,10 +10,7 @@ from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    steps_to,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array

@@ -26,11 +26,7 @@ from hapticeval.phenomena.measures.restated import (
     steepness,
 )
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    digits_kept,
-    mm,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import digits_kept, mm, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray

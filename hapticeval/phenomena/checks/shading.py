@@ -13,10 +13,7 @@ from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELL
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    unit_vectors,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene

@@ -14,11 +14,7 @@ from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    lengths_of,
-    steps_to,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import lengths_of, steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene

@@ -10,9 +10,7 @@ import numpy as np
 from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE
 from hapticeval.phenomena.lag import delayed
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    unit_vectors,
-)
+from hapticeval.phenomena.sampling import unit_vectors
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.types import Array, BoolArray, IntArray

@@ -17,11 +17,7 @@ import numpy as np
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.decisions import ASIDE_DEPTHS, DESCENT_SHARE, LAG_TICKS, STRETCHED_STEPS
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import (
-    mm,
-    steps_to,
-    worst_row,
-)
+from hapticeval.phenomena.sampling import mm, steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import runs_of
