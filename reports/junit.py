@@ -83,7 +83,7 @@ def _add_verdict(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped
     figures = verdict.measured
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     standing = verdict.standing
-    warning = "warning: " * (standing is Standing.WARNING)
+    warning = "warning: " if standing is Standing.WARNING else ""
     if outcome is Outcome.ERROR:
         _add_result(case, "error", text)
     # What fails the gate, strict or not, is a failure here too.

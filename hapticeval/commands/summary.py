@@ -306,7 +306,7 @@ def _too_slow_words(results: ResultsDocument) -> Iterator[str]:
             slow_runs.setdefault(run.renderer, []).append((run.step_seconds / run.scene.sampling_time, run))
     for renderer, slow in slow_runs.items():
         times, worst = max(slow, key=lambda pair: pair[0])
-        others = f", and too slow in {plural(len(slow) - 1, 'other case')}" * (len(slow) > 1)
+        others = f", and too slow in {plural(len(slow) - 1, 'other case')}" if len(slow) > 1 else ""
         yield (
             f"too slow: half of the steps of {renderer} take {duration(worst.step_seconds or 0.0)} or more, "
             f"{times:.3g} times the sampling time of {duration(worst.scene.sampling_time)}, "

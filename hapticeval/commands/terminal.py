@@ -261,7 +261,7 @@ def _interrupted_words(event: Interrupted) -> str:
     if not event.begun:
         return f"interrupted: {kept_words}"
     # How long the rest takes is not known, but what a run that is slow has taken already.
-    since = f", the first at work for {event.seconds:.0f} s" * (event.seconds >= WORK_LINE_SECONDS)
+    since = f", the first at work for {event.seconds:.0f} s" if event.seconds >= WORK_LINE_SECONDS else ""
     limit = f", for {event.grace:.0f} s at most" * math.isfinite(event.grace)
     return f"interrupted: {runs} being finished{since}{limit}, {kept_words}; press Ctrl-C again to stop at once"
 

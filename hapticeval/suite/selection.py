@@ -152,7 +152,7 @@ class _Expression:
 
     def _no_match_error(self, glob: str) -> NothingSelectedError:
         """Return the error for a glob that matches nothing: after a case's name it lists the checks of that case."""
-        within = f" of -k {self._text!r}" * (self._text.strip() != glob)
+        within = f" of -k {self._text!r}" if self._text.strip() != glob else ""
         what = f"nothing matches {glob!r}{within}" if within else f"nothing matches -k {glob!r}"
         before, _, last = glob.rpartition("/")
         checks = {check for suite, case, check in self._everything if before and before in (case, f"{suite}/{case}")}

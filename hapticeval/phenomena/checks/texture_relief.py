@@ -181,13 +181,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         """Compare a channel with the relief's law: see `_compare_channel`."""
         return _compare_channel(felt, base, rows, doubt, channel, waves.highest, turns_answers=turns_answers)
 
+    force = compare("force")
     # A bump map turns the force alone: its IHIP is compared where it is known without the relief, and well enough.
-    force, ihip = compare("force"), None if turns_answers and plain is None else compare("ihip")
-    clear = [deviation for deviation in (force, ihip) if deviation is not None]
+    ihip = compare("ihip") if plain is not None or not turns_answers else None
     if force is None or (ihip is None and not turns_answers):
         return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
-    # The force first: an IHIP that is off with it is of the same fault.
-    worst = max(clear, key=lambda deviation: min(deviation.off / deviation.allowed, 2.0))
+    worst = force
+    # An IHIP that is off beside a force of twice what is allowed is of the same fault.
+    if ihip is not None and force.ratio < 2.0 and ihip.ratio > force.ratio:
+        worst = ihip
     amount = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
     evidence = base.evidence_at(worst.tick)
     if worst.share is None:
@@ -221,6 +223,11 @@ class Deviation(NamedTuple):
     allowed: float
     lag: float
     share: float | None
+
+    @property
+    def ratio(self) -> float:
+        """How many times what is allowed it is off."""
+        return self.off / self.allowed
 
 
 def _relief_law(

@@ -175,7 +175,8 @@ def _issues(report: Integrity) -> list[str]:
     """Return the issues as lines: the first few of a kind and channel, with advice, and how many more there are."""
     if not report.issues:
         open_ = sum(not check.made for check in report.checks)
-        return ["nothing found" + f"; what {open_} of the inverse checks would find is open: see below" * (open_ > 0)]
+        is_open = f"; what {open_} of the inverse checks would find is open: see below" if open_ else ""
+        return [f"nothing found{is_open}"]
     lines = []
     counts: dict[tuple[str, str], int] = {}
     advised: set[tuple[str, str, str]] = set()

@@ -181,7 +181,7 @@ SETTING_COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "": lambda setting: "*" if setting.front else "",
     "setting": lambda setting: setting.label,
     "IHIP worst": lambda setting: (
-        "~" * (setting.proven is False) + length(setting.claims["ihip"]["max"]) if setting.claims else None
+        ("~" if setting.proven is False else "") + length(setting.claims["ihip"]["max"]) if setting.claims else None
     ),
     # The hand there: a renderer may be off at one edge or jump alone.
     "at": lambda setting: in_mm(round(x, 4) for x in setting.worst_at) if setting.worst_at else None,
