@@ -44,7 +44,7 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
     # A tool that is struck is given its impulse at once, and what it presses with from then on may begin at nothing.
     settled = pressed[pressed > pressed[0] + LAG_TICKS]
     first = crossing.first + int((settled if settled.size else pressed)[0])
-    strength = np.linalg.norm(base.force, axis=1)
+    strength = base.force_size
     # The force that is usual on the first face, N.
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.

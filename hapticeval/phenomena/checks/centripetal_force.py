@@ -104,7 +104,7 @@ def _unheld_tick(recording: Observed) -> int | None:
     scene = recording.scene
     if not scene.bilateral:
         return None
-    distance = np.abs(recording.boundary.signed_distance(recording.hip))
+    distance = np.abs(recording.distance)
     free = (distance > recording.position_tolerance + recording.force_depth) & ~recording.pressed
     return worst_row(np.where(free, distance, 0.0)) if np.mean(free) > TELLING_SHARE else None
 
@@ -120,7 +120,7 @@ def _force_off_spring(recording: Observed) -> float | None:
     if "spring" not in recording.meta or "force" not in recording.channels:
         return None
     softest, stiffest = recording.stiffness_range or (1.0, 1.0)
-    frame = recording.boundary.closest_point(recording.hip)
+    frame = recording.nearest
     # Both ways from a surface that holds from both sides, and deep enough to tell a depth from its rounding.
     rows = recording.contact & (np.abs(frame.distance) > recording.force_depth)
     if not rows.any():
@@ -154,7 +154,7 @@ class _Terms(NamedTuple):
 def _regression_terms(recording: Observed) -> _Terms:
     """Return the columns of the regression over the samples in contact, once the tool is under way."""
     scene = recording.scene
-    frame = recording.boundary.closest_point(recording.hip)
+    frame = recording.nearest
     turning, speed2 = _normal_turning(frame, recording.velocity)
     push = np.zeros(len(recording))
     if "operator_force" in recording.channels:

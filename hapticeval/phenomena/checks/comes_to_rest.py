@@ -30,7 +30,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     late, early = since > LATE_SHARE * span, (since >= EARLY_SHARE * span) & (since <= LATE_SHARE * span)
     if not (late.any() and early.any()):
         return undecided("rows are missing where the tool should come to rest")
-    distance = np.abs(scene.model.boundary.signed_distance(base.hip))
+    distance = np.abs(base.distance)
     farthest = worst_row(distance)
     # A tool that is farther off than it was at the start, by the model's size, is driven away.
     reach = size + float(distance[0])

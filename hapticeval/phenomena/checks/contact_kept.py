@@ -54,7 +54,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     reach = moved + (across + base.resolution) + grain
     gap, since = _distances_past_surface(base, contact, sunk, base.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
-        away = float(base.boundary.signed_distance(base.hip).min())
+        away = float(base.distance.min())
         reason = "the hand is never led into the model, and the tool never in contact"
         # So far off that somebody may have taken millimetres for metres.
         if away > scene.model.size:
@@ -69,7 +69,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # Rows in which the hand is past the surface by more than that.
     without_contact = gap > allowed
     durations = np.diff(base.time, append=base.time[-1] + base.dt)
-    depth = -base.boundary.signed_distance(base.hip)
+    depth = -base.distance
     first = int(since[worst])
     had_contact = first > 0 and bool(contact[first - 1])
     kind = (
@@ -109,7 +109,7 @@ def _find_force_in_free_space(base: Observed) -> Finding | None:
     pushed = base.pushed_in_free_space
     if not pushed.any():
         return None
-    force = np.where(pushed, np.linalg.norm(base.force, axis=1), 0.0)
+    force = np.where(pushed, base.force_size, 0.0)
     first, largest = int(np.argmax(pushed)), float(force.max())
     ticks = int(pushed.sum())
     metric = Metric("force in free space", largest, "N")

@@ -182,7 +182,7 @@ def _normal_reach(recording: Observed) -> Array:
     steps = steps_to(recording.ihip)
     if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
         # x = F dt^2 / m: as far as the contact's force may have thrown the tool in a tick.
-        pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / recording.scene.mass
+        pushed = recording.dt**2 * recording.force_size / recording.scene.mass
         travel = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(travel, steps + pushed))
     off = recording.believed_standoff + recording.rounding + recording.log_step("ihip")

@@ -30,7 +30,7 @@ def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Lead the hand to its largest force, give a HIP that is none, and then the next one of the path."""
     base, floor = runs.observed(scene), force_floor(scene)
-    size = np.linalg.norm(base.force, axis=1)
+    size = base.force_size
     tick = worst_row(size[:-1]) + 1
     before = float(size[tick - 1])
     if before <= floor:

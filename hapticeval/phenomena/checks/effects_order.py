@@ -35,7 +35,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # A late renderer's queue is not filled before.
     pressed[:LAG_TICKS] = False
     largest = float(np.max(np.abs(base.hip)))
-    strength = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    strength = np.maximum(*(recording.force_size for recording in (base, plain)))
     allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + base.force_floor
     deviation, added = (
         _vibration_deviation(base, plain) if last == STOCHASTIC_TEXTURE else _drag_deviation(base, plain, pressed)

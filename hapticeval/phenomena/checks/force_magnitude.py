@@ -75,7 +75,7 @@ def _without_ihip(base: Observed) -> Finding:
     it is declared that there is no tool.
     """
     scene = base.scene
-    depth, no_tool = np.maximum(-base.boundary.signed_distance(base.hip), 0.0), base.declares_force_only
+    depth, no_tool = np.maximum(-base.distance, 0.0), base.declares_force_only
     # A force-only renderer must give a force at every depth > 0, and not only where it gives one.
     ticks = np.flatnonzero(base.pressed | (no_tool & (depth > 0.0)))
     if not ticks.size:

@@ -90,7 +90,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     # 1 on the edge of the static cone (4.18)
     share = surface_force.share_of_cone(friction.mu_s)
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
-    feet = scene.model.boundary.closest_point(base.hip).foot
+    feet = base.nearest.foot
     step = largest_in_lag(np.maximum(steps_to(base.hip), steps_to(feet)), earlier=1)
     # How much the normal force, N, changes in a tick near it.
     normal_force = surface_force.normal_force

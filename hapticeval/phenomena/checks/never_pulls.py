@@ -18,7 +18,7 @@ from hapticeval.types import Array
 
 def find_outward(recording: Observed) -> Array:
     """Return the unit vector from the hand to its contact point in each row, (n, N); the normal where both are one."""
-    normal = recording.boundary.closest_point(recording.hip).normal
+    normal = recording.nearest.normal
     if "ihip" not in recording.channels:
         return normal
     stretch = recording.ihip - recording.hip
@@ -29,7 +29,7 @@ def find_outward(recording: Observed) -> Array:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Find the largest part of the force that draws the hand away from its contact point, deeper in."""
     base = runs.observed(scene)
-    rows = np.flatnonzero(base.pressed & (base.boundary.signed_distance(base.hip) < 0.0))
+    rows = np.flatnonzero(base.pressed & (base.distance < 0.0))
     if rows.size == 0:
         return undecided("the hand never feels a force inside of the model")
     outward = find_outward(base)

@@ -122,7 +122,7 @@ def _words_listed(names: list[str]) -> str:
 
 def _in_contact(base: Observed) -> BoolArray:
     """Return the rows (n,) in contact, or with an answer to compare of a hand on the surface up to rounding."""
-    near = np.asarray(base.boundary.signed_distance(base.hip) <= base.rounding)
+    near = np.asarray(base.distance <= base.rounding)
     return base.contact | (has_answer(base) & near)
 
 

@@ -68,7 +68,7 @@ def _believed_scatter(base: Observed) -> dict[str, float]:
     A scatter of the IHIP beyond a fiftieth of the model, or of the force beyond a tenth of its largest, could hide
     anything that a reset leaves.
     """
-    largest = float(np.max(np.linalg.norm(base.force, axis=1), initial=0.0))
+    largest = float(np.max(base.force_size, initial=0.0))
     limits = {"ihip": farthest_standoff(base.scene), "force": TELLING_SHARE * largest}
     # What is declared beyond that is cut off there, and so fails where it is used.
     return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in limits.items()}

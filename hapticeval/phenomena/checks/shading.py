@@ -49,7 +49,7 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     contact = base.pressed & plain.pressed
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
-    size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    size = np.maximum(*(recording.force_size for recording in (base, plain)))
     # Single precision of the force, and of the positions as a force K |x|.
     rounding = SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
     return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
@@ -77,9 +77,7 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
     # Turns from tick to tick, rad: as recorded, of the facets' normals, and of the shaded ones.
     turn, flat, smooth = (angles(force[1:], force[:-1]) for force in (base.force, expected.plain, expected.force))
     # Rounding of a force over its size is what it may turn by.
-    open_ = np.divide(
-        expected.rounding, np.linalg.norm(base.force, axis=1), where=expected.contact, out=np.zeros(len(base))
-    )
+    open_ = np.divide(expected.rounding, base.force_size, where=expected.contact, out=np.zeros(len(base)))
     allowed = OTHER_WEIGHTS * largest_in_lag(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
     # Only where an unshaded force would turn by more does shading show.
     shows = pressed & (flat > allowed)

@@ -177,7 +177,7 @@ def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckCo
     added = base.force - plain.force
     # A recording in single precision is one in which every force is a single number.
     single = bool(np.all(base.force.astype(np.float32) == base.force))
-    largest = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    largest = np.maximum(*(recording.force_size for recording in (base, plain)))
     # N, of the larger of both forces.
     rounding = SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE) * largest
     struck = []

@@ -23,7 +23,7 @@ def calls_for_another_force(recording: Observed) -> BoolArray:
     """
     scene = recording.scene
     contact = recording.contact
-    springs = [recording.boundary.closest_point(recording.hip).foot - recording.hip]
+    springs = [recording.nearest.foot - recording.hip]
     if "ihip" in recording.channels and recording.apart.any():
         springs.append(recording.ihip - recording.hip)
     coarse = float(recording.meta.get("force_resolution", 0.0)) + recording.log_step("force")

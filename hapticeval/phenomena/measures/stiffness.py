@@ -209,7 +209,7 @@ def _sure_depth(base: Observed, spring: Spring | None) -> Array:
         depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
     else:
         depth = np.linalg.norm(error, axis=1)
-    return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
+    return np.asarray(np.minimum(depth, np.abs(base.distance)))
 
 
 def _depth_direction(force: Array, error: Array, spring: Spring | None) -> tuple[Array, Array]:

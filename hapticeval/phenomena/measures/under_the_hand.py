@@ -32,7 +32,7 @@ def find_aside(base: Observed) -> Finding | None:
     The nearest point moves by up to `STRETCHED_STEPS` HIP steps in a tick, and an IHIP may be three ticks late; the
     surface that is rendered may lie off the model, and be blurred along it, by what is declared.
     """
-    feet = base.boundary.closest_point(base.hip)
+    feet = base.nearest
     depth = np.abs(feet.distance)
     judged, branch_doubt = _followed_rows(base, feet.foot, feet.distance)
     if not judged.any():
