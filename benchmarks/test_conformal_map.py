@@ -5,6 +5,7 @@ for building the map and filling the table is 0.3 s on a machine whose sum takes
 """
 
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
 from hapticeval.renderers import conformal
-from hapticeval.renderers.disk import DiskProjection
+from hapticeval.renderers.disk import by_conformal_map
 from hapticeval.renderers.maps.conformal import conformal_map
 from hapticeval.scene import Scene
 
@@ -55,11 +56,11 @@ def test_build(benchmark, name, nodes):
 @pytest.mark.parametrize(("name", "nodes"), CASES)
 def test_build_and_table(benchmark, name, nodes, grid):
     benchmark.group = f"conformal, build and table; target {TARGET} sums"
-    curve = MODELS[name].curve
+    model = MODELS[name]
 
     def build_with_table():
-        projection = DiskProjection(conformal_map(curve, nodes=nodes), curve, bilateral=False)
-        return projection.trace(grid)
+        anew = replace(model)  # the map is kept as long as the model
+        return by_conformal_map(Scene(model=anew), "curve", nodes=nodes).trace(grid)
 
     benchmark.pedantic(build_with_table, rounds=5, warmup_rounds=1)
     keep(benchmark)

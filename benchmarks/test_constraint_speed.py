@@ -8,6 +8,7 @@ import pytest
 from hapticeval.geometry.catalogue import cassinian, from_vertices
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import answers_along
 
 EDGES = (80, 800, 8_000, 80_000)
 STEPS = 20_000
@@ -40,14 +41,14 @@ def best(*runs, rounds=20):
 def test_run(benchmark, edges):
     model, hips = wheel(edges)
     renderer = constraint(Scene(model=model))
-    _, forces = renderer.run(hips, 1e-3)
+    forces = answers_along(renderer, hips, 1e-3).force
     assert np.all(np.any(forces != 0.0, axis=1))
     fewest, path = wheel(EDGES[0])
     smallest = constraint(Scene(model=fewest))
-    here, there = best(lambda: renderer.run(hips, 1e-3), lambda: smallest.run(path, 1e-3))
+    here, there = best(lambda: answers_along(renderer, hips, 1e-3), lambda: answers_along(smallest, path, 1e-3))
     benchmark.extra_info["us a step"] = round(here / STEPS * 1e6, 4)
     benchmark.extra_info[f"times {EDGES[0]} edges"] = round(here / there, 3)
-    benchmark(renderer.run, hips, 1e-3)
+    benchmark(answers_along, renderer, hips, 1e-3)
 
 
 @pytest.mark.parametrize("edges", EDGES)
@@ -83,9 +84,9 @@ def test_slide(benchmark, base, representation):
     u = np.linspace(0.0, 2.0 * np.pi, STEPS)
     hips = model.curve.position(u) - 2e-3 * model.curve.normal(u)
     renderer = base.variant(representation=representation)(Scene(model=model))
-    renderer.run(hips, 1e-3)
-    benchmark.extra_info["us a step"] = round(best(lambda: renderer.run(hips, 1e-3))[0] / STEPS * 1e6, 4)
-    benchmark(renderer.run, hips, 1e-3)
+    answers_along(renderer, hips, 1e-3)
+    benchmark.extra_info["us a step"] = round(best(lambda: answers_along(renderer, hips, 1e-3))[0] / STEPS * 1e6, 4)
+    benchmark(answers_along, renderer, hips, 1e-3)
 
 
 @on_each_representation

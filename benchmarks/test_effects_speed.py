@@ -16,7 +16,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.laws import law_value
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
 from hapticeval.simulation.answers import make_renderer
@@ -47,7 +47,7 @@ def rubbing(seconds=SECONDS):
 
 def loop_run(renderer, scene, experiment):
     """A closed loop that is ready: each call runs it from its start, and returns seconds and the forces."""
-    law = abilities_of(renderer).law
+    law = wrapped(renderer).law
     value = law_value(law.function, law.data)
     run = specialised(kernels.run, value, law.data, loop_of(experiment, scene, DT))
 
@@ -122,7 +122,7 @@ def test_of_a_thousand_contacts_ten_are_textured_and_ten_are_paid_for(benchmark)
 @pytest.mark.benchmark(group="effects")
 def test_the_loop_of_a_combination_compiles_within_ten_seconds(benchmark):
     """Without any cache of its own; what it calls is compiled already, for other combinations call it too."""
-    law = abilities_of(make_renderer(resolve("minimum-distance"), ALL)).law
+    law = wrapped(make_renderer(resolve("minimum-distance"), ALL)).law
     value = law_value(law.function, law.data)
     argument_types = tuple(numba.typeof(argument) for argument in (value, law.data, loop_of(rubbing(), ALL, DT)))
 

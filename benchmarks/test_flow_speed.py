@@ -48,7 +48,7 @@ def test_build(benchmark, addition, model):
 def test_look_up(benchmark, cells):
     benchmark.group = "flow map, look-up"
     model = cassinian()
-    chart = flow_map(model, FlowSettings(cells=cells)).chart
+    chart = flow_map(model, FlowSettings(cells=cells)).tables
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (2 * LOOKUPS, 2))
     points = np.ascontiguousarray(points[model.curve.contains(points)][: LOOKUPS // 2])
     benchmark.pedantic(locator.map_to_angles, (chart, points), rounds=5, warmup_rounds=1)

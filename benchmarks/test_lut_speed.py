@@ -43,7 +43,7 @@ def points(where: str) -> np.ndarray:
     everywhere = np.random.default_rng(4).uniform(low, low + grid.cell * np.array(grid.cells), (COUNT, 2))
     if where == "over the whole grid":
         return everywhere
-    return np.resize(everywhere[table().look_many(everywhere)[2] == TOUCHES], (COUNT, 2))
+    return np.resize(everywhere[table().look_up(everywhere)[2] == TOUCHES], (COUNT, 2))
 
 
 @compiled
@@ -101,7 +101,7 @@ def test_streams(benchmark):
 @pytest.mark.parametrize("where", WHERE)
 def test_table(benchmark, where):
     benchmark.group = BATCH
-    benchmark.pedantic(table().look_many, (points(where),), rounds=20, warmup_rounds=2)
+    benchmark.pedantic(table().look_up, (points(where),), rounds=20, warmup_rounds=2)
     keep(benchmark, f"table {where}", COUNT)
 
 

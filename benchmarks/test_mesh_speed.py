@@ -19,6 +19,7 @@ from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import answers_along
 
 SUBDIVISIONS = (1, 4, 6)
 STEP = 1e-4
@@ -122,7 +123,7 @@ def test_tick(benchmark, base, subdivisions):
     renderer = base.variant(representation="curve")(Scene(model=Model("bumpy", {}, bumpy(subdivisions))))
     below = bumpy(subdivisions).closest_point(path(20_000))
     hips = below.foot - 1e-3 * below.normal
-    benchmark.pedantic(renderer.run, (hips, 1e-3), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(answers_along, (renderer, hips, 1e-3), rounds=5, warmup_rounds=1)
     keep(benchmark, name, subdivisions, len(hips), "libigl along a path")
 
 

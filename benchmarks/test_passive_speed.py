@@ -1,6 +1,7 @@
 """What a step of homothetic and combescure costs, as a ratio to minimum distance on the same model, in one run."""
 
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoid, icosphere, sphere, star
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import answers_along
 
 MODELS = {
     each.name: each
@@ -30,7 +32,7 @@ def path(dimension):
 def test_run(benchmark, name, model):
     hips = path(model.dimension)
     scene = Scene(model=model)
-    runs = [resolve(renderer)(scene).run for renderer in (name, "minimum-distance+transversal")]
+    runs = [partial(answers_along, resolve(renderer)(scene)) for renderer in (name, "minimum-distance+transversal")]
     times = np.empty((15, 2))
     for row in times:
         for column, run in enumerate(runs):

@@ -33,7 +33,7 @@ PICTURE = re.compile(r"\]\(pictures/([\w.-]+\.svg)\)")
 USES = {
     "Judge": ("judge", "run", "RunOptions", "Results", "load_suite", "known_renderers", "resolve"),
     "Write a renderer": (
-        "Renderer", "RendererFactory", "Response", "TrajectoryRenderer", "Batch", "Declaration", "Spring", "Scene",
+        "Renderer", "RendererFactory", "Response", "TrajectoryRenderer", "Declaration", "Spring", "Scene",
     ),
     "Touch a model": ("make_model",),
     "Draw and read": ("plot_document", "read_recording", "Recording", "results_schema"),

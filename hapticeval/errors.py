@@ -215,7 +215,6 @@ CALLS = {
     "factory": "factory(scene)",
     "reset()": "reset(hip)",
     "step()": "step(hip, velocity, dt)",
-    "run()": "run(hips, dt)",
 }
 """How a renderer is called, by what its calls are named in messages."""
 

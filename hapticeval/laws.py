@@ -187,23 +187,6 @@ def change_row(
 
 
 @borrowing
-def change_rows(
-    changes: tuple[Change, ...], closest: Closest, hips: Array, velocities: Array, dt: float, ihips: Array,
-    forces: Array,
-) -> tuple[int, int]:  # fmt: skip
-    """Change the answers to a path row by row; return the row where the hand leaves a domain, and the number, or 0.
-
-    `hips` (n, N), m, and `velocities` (n, N), m/s, are the hand's; `ihips` (n, N), m, and `forces` (n, N), N, are
-    changed.
-    """
-    for row in range(hips.shape[0]):
-        exit_number = change_row(changes, closest, hips[row], velocities[row], dt, ihips[row], forces[row])
-        if exit_number != 0:
-            return row, exit_number
-    return hips.shape[0], 0
-
-
-@borrowing
 def answer(
     data: Composed, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -23,6 +20,7 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.laws import LawData
+    from hapticeval.recordings.channels import Signal
 
 
 SOLVED_LAWS = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
@@ -144,23 +142,6 @@ class Response(NamedTuple):
     force: Array
 
 
-class Answers(NamedTuple):
-    """Answers to HIPs: IHIPs (n, N), m; forces (n, N), N; and (n,) whether contact is reported, NaN where unknown."""
-
-    ihip: Array
-    force: Array
-    contact: Array
-
-    @classmethod
-    def room(cls, hips: Array) -> Answers:
-        """Return room for the answers to HIPs (n, N), m, of which nothing is known yet."""
-        return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
-
-    def part(self, rows: slice) -> Answers:
-        """Return some of the rows."""
-        return Answers(*(column[rows] for column in self))
-
-
 @runtime_checkable
 class Renderer(Protocol):
     """Answers a HIP with an IHIP and a force, a tick at a time; made from a scene, by any callable that takes one.
@@ -168,7 +149,7 @@ class Renderer(Protocol):
     N is 2, or 3 where the model is a surface in space: `scene.model.boundary.closest_point(points)` works in both, and
     `scene.model.curve` refuses a surface. The force acts on the hand, and is zero in free space.
 
-    What it may offer beside is in `Abilities`. A step that is led out of where the renderer is defined raises
+    What it may offer beside is in `WrappedRenderer`. A step that is led out of where the renderer is defined raises
     `DomainError`, which ends the run there.
     """
 
@@ -188,14 +169,6 @@ class Renderer(Protocol):
 
 
 @runtime_checkable
-class Batch(Renderer, Protocol):
-    """A renderer that can take a whole trajectory at once: equal to a `reset` and then a `step` a row."""
-
-    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """Answer hand positions `hips` (n, N), m, every `dt` (s) with IHIPs (n, N), m, and forces (n, N), N."""
-
-
-@runtime_checkable
 class TrajectoryRenderer(Protocol):
     """A renderer with tool physics of its own, which answers a stimulus whole instead of tick by tick.
 
@@ -208,64 +181,42 @@ class TrajectoryRenderer(Protocol):
 
 
 class CompiledStep(NamedTuple):
-    """A renderer's step as compiled code, so that a whole closed loop runs without Python.
+    """A renderer's step as compiled code, so that a path or a closed loop is answered without Python.
 
     It must answer as `step` does, to the last bit.
 
     - `function`: a kernel of signature `hapticeval.laws.LAW`.
     - `data`: the renderer's own, with the state that its last `reset` or `step` left. A loop resets the renderer and
-      goes on from there. Where a scene's effects are put on the renderer's answers it is another tuple, see
-      `hapticeval.simulation.answers`.
+      goes on from there. It may be another tuple than `LawData`, such as one with a map's tables, or with the effects
+      that a scene puts on the answers, see `hapticeval.simulation.answers`.
     - `domain_exits`: where the hand has left the law's domain, in words, by the kernel's numbers above 0. One below 0
       is the renderer's own, and it broke.
     - `contact` (1,): where each tick leaves 1 if it reports contact, and else 0; None where it reports none.
-    - `rows`: `laws.lead_by_law` for this function alone, which is compiled into it and so is not an argument: for
-      one so short that calling it takes longer. None where there is none.
     """
 
     function: Callable[..., Any]
     data: LawData
     domain_exits: Mapping[int, str]
     contact: Array | None = None
-    rows: Callable[..., tuple[int, int]] | None = None
-
-    def lead(self, hips: Array, velocities: Array, dt: Array, answers: Answers) -> tuple[int, int]:
-        """Answer HIPs (n, N), m, a tick a row, from the state that it has: the compiled loop along any given path.
-
-        `velocities` (n, N), m/s, are the hand's, which nobody pushes; `dt` (n,), s. Writes into `answers` as far as it
-        gets: returns the row at which the hand leaves its domain or it breaks, and its number, or n and 0.
-        """
-        from hapticeval.compiled import for_kernels
-        from hapticeval.laws import law_value, lead_by_law
-
-        # The law as a value first, compiled with all its ways in: `rows` then calls that code.
-        law = law_value(self.function, self.data)
-        rows = partial(lead_by_law, law) if self.rows is None else self.rows
-        reported = np.empty(0) if self.contact is None else self.contact
-        inputs = (for_kernels(np.asarray(column, dtype=np.float64)) for column in (hips, velocities, dt))
-        return rows(self.data, np.zeros(hips.shape[1]), *inputs, *answers[:2], reported, answers.contact)
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | TrajectoryRenderer]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Abilities:
-    """What a renderer offers beside the protocol: the one place where its attributes are read, by `abilities_of`.
+class WrappedRenderer:
+    """A renderer as it is asked here: its methods, and what it offers beside the protocol, read once by `wrapped`.
 
     `steps` is true for a `Renderer`, false for a `TrajectoryRenderer`. The others are its attributes of the same name,
     all optional, and false or empty where it has none:
 
-    - `run`: whether it has `run(hips, dt) -> (ihips, forces)`, see `Batch`;
-    - `lead`: whether it has `lead(hips, velocities, dt) -> (ihips, forces)`: a `step` a row from where the last one
-      ended, with a velocity and a dt a row, to the last bit. Where it has a `law`, that is used;
-    - `observe_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before each
-      step of a scene with a force sensor (8.6);
-    - `contact`: whether it has `contact`: after a `step` True where that was in contact, else False, or None where it
-      does not say; after a `run` or `lead` an array of True and False (n,), or None;
-    - `diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
+    - `observes_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before
+      each step of a scene with a force sensor (8.6);
+    - `reports_contact`: whether it has `contact`: after a `step` True where that was in contact, else False, or None
+      where it does not say;
+    - `has_diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
       name -> (`Signal`, array), one row per sample: its own coordinates, answers that it did not use;
-    - `law`: its step as compiled code;
+    - `law`: its step as compiled code, which stands for `step` along a path and in a closed loop;
     - `surface`: the `Boundary` that it really renders, where that is not the model's own;
     - `pieces`: the edges or triangles that it was given for a smooth model: what follows from them is not its fault;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
@@ -273,12 +224,11 @@ class Abilities:
     - `supports`: names of what it can beside a unilateral contact without viscosity, see `check_support`.
     """
 
+    renderer: Any
     steps: bool
-    run: bool = False
-    lead: bool = False
-    observe_force: bool = False
-    contact: bool = False
-    diagnostics: bool = False
+    observes_force: bool = False
+    reports_contact: bool = False
+    has_diagnostics: bool = False
     law: CompiledStep | None = None
     surface: Boundary | None = None
     pieces: Boundary | None = None
@@ -293,34 +243,50 @@ class Abilities:
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         return lengths if self.declares is None else lengths | self.declares.meta
 
+    @property
+    def contact(self) -> bool | None:
+        """Whether the last step was in contact, as the renderer reports it; None where it is silent."""
+        report = self.renderer.contact if self.reports_contact else None
+        return bool(report) if isinstance(report, bool | np.bool_) else None
 
-def abilities_of(renderer: object) -> Abilities:
-    """Return what a renderer offers: read when it is first asked for, and the same from then on.
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (N,), m: see `Renderer`."""
+        self.renderer.reset(hip)
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """Return whatever the renderer answers to a tick: see `Renderer`."""
+        return self.renderer.step(hip, velocity, dt)  # type: ignore[no-any-return]
+
+    def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
+        """Return whatever the renderer answers to a stimulus, sampled every `dt` (s): see `TrajectoryRenderer`."""
+        return self.renderer.simulate(stimulus, dt)  # type: ignore[no-any-return]
+
+    def observe_force(self, push: Array) -> None:
+        """Hand the hand's measured force (N,), N, on; asked where the renderer observes it."""
+        self.renderer.observe_force(push)
+
+    def diagnostics(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+        """Return the renderer's own channels of a run in closed loop; asked where it has any."""
+        return self.renderer.diagnostics(recording)  # type: ignore[no-any-return]
+
+
+AnyRenderer: TypeAlias = Renderer | TrajectoryRenderer | WrappedRenderer
+"""What those take that wrap a renderer themselves."""
+
+
+def wrapped(renderer: object) -> WrappedRenderer:
+    """Return a renderer with what it offers: each attribute is read once. One that is wrapped stays as it is.
 
     Raises `RendererError` for what is no renderer, for an attribute that raises or is not what it should be, and
     `UnknownNameError`, with the closest names, for a requirement that there is not.
     """
-    known = _KNOWN_ABILITIES.get(id(renderer))
-    # An id is used again after an object is gone: the weak reference tells that it is another one.
-    if known is not None and known[0]() is renderer:
-        return known[1]
+    if isinstance(renderer, WrappedRenderer):
+        return renderer
     with renderer_errors("attributes"):
-        abilities = _read_abilities(renderer)
-    with suppress(TypeError):  # what cannot be referred to weakly is read again
-        # The entry goes with the renderer.
-        key = id(renderer)
-        _KNOWN_ABILITIES[key] = weakref.ref(renderer, lambda _: _KNOWN_ABILITIES.pop(key, None)), abilities
-    return abilities
+        return _wrap(renderer)
 
 
-_KNOWN_ABILITIES: dict[int, tuple[weakref.ref[object], Abilities]] = {}
-
-
-def _read_abilities(renderer: object) -> Abilities:
-    # A renderer around another one has made them of the other's; its own, for one may pass all attributes on.
-    ready = getattr(renderer, "__dict__", {}).get("abilities")
-    if isinstance(ready, Abilities):
-        return ready
+def _wrap(renderer: object) -> WrappedRenderer:
     # One with both reset and step, and simulate, is asked tick by tick.
     missing = [name for name in ("reset", "step") if not _has_method(renderer, name)]
     if missing and not _has_method(renderer, "simulate"):
@@ -349,13 +315,12 @@ def _read_abilities(renderer: object) -> Abilities:
             f"the renderer's declaration is wrong: its {'; its '.join(promise.faults)}",
             todo="give other values, or leave out what is not promised",
         )
-    return Abilities(
+    return WrappedRenderer(
+        renderer=renderer,
         steps=not missing,
-        run=_has_method(renderer, "run"),
-        lead=_has_method(renderer, "lead"),
-        observe_force=_has_method(renderer, "observe_force"),
-        contact=hasattr(renderer, "contact"),
-        diagnostics=_has_method(renderer, "diagnostics"),
+        observes_force=_has_method(renderer, "observe_force"),
+        reports_contact=hasattr(renderer, "contact"),
+        has_diagnostics=_has_method(renderer, "diagnostics"),
         law=law,
         surface=surface,
         pieces=pieces,
@@ -480,7 +445,7 @@ class Choices:
     """What a factory offers beside being called with a scene, read by `choices_of`; all of it is optional.
 
     - `summary`: what it makes, in a line.
-    - `supports`: as of `Abilities`; it refuses before anything is built.
+    - `supports`: as of `WrappedRenderer`; it refuses before anything is built.
     - `regulations` and `representations`: names that `variant(*, regulation, representation)` takes.
     - `representation`: the one that it has.
     - `knobs`: what can be set finer or coarser, by `with_knobs(**values)`.

@@ -31,7 +31,8 @@ from hapticeval.geometry.surface import SURFACE, closest_on_surface
 from hapticeval.geometry.triples import Triple, dot, plus
 from hapticeval.laws import LawData
 from hapticeval.records import as_record
-from hapticeval.renderers.projective import PAST, as_rows, release
+from hapticeval.renderers.law_renderer import as_rows
+from hapticeval.renderers.regulation_kernel import PAST, release
 from hapticeval.renderers.stabilisation_laws import BEYOND, FOCAL, SET_GAINS, contact_ends
 from hapticeval.types import Array, BoolArray, IntArray
 

@@ -1,148 +1,134 @@
-"""The projection through a transformation to the disk (5.17): what the mapping and conformal renderers share."""
+"""The projection through a transformation to the disk (5.17): what the mapping and conformal renderers share.
+
+The hand is mapped to the disk, moved radially onto the circle, and that point is mapped back to the surface. Only the
+boundary is mapped back, so that the IHIP lies on the exact curve: the standoff is zero. The side of the hand is the
+exact curve's too.
+
+Outside, the hand is free; in a bilateral scene it goes to the nearest surface point there, for a map covers the inside
+alone. Without memory. Lines of projection are curved: regulate with (5.21), `transversal`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from hapticeval.compiled import compiled
+from hapticeval.compiled import borrowing, inner
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import piece_index
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
-from hapticeval.renderers.maps.conformal import conformal_map
+from hapticeval.records import as_record
+from hapticeval.renderers.maps import conformal_kernels
+from hapticeval.renderers.maps import flow_map as flow
+from hapticeval.renderers.maps.conformal import ConformalMap, conformal_map
 from hapticeval.renderers.maps.flow import FlowSettings
-from hapticeval.renderers.maps.flow_map import flow_map
 from hapticeval.renderers.nearest import nearest
-from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of
-from hapticeval.renderers.projective import Projected, Projection, once
+from hapticeval.renderers.outline import Outline, Representation, frame, nearest_on, outline_in, outline_of
+from hapticeval.renderers.projective import Projection, once
+from hapticeval.renderers.regulation_kernel import GAINS, PAST, regulate, release
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
-
-DISTANCE_ROUNDING = 1e-14
-"""Of a distance, in parts of the coordinates that it is made of."""
+from hapticeval.types import Array
 
 
-class DiskMap(Protocol):
-    """A one-to-one transformation of the inside of a closed curve to the unit disk, and back on the boundary.
+class DiskData(NamedTuple):
+    """What a law through the disk works on: a `LawData`, and the tables of the map, a `Chart` or `DiskTables`."""
 
-    Every point that is strictly inside the exact curve has an answer, finite, also where a table or grid ends short
-    of the boundary. The three methods agree to the last bit: `parameter(x, y)` is `surface(to_angle([[x, y]]))[0]`.
+    params: Array
+    pieces: Array
+    joins: Array
+    lookup: Array
+    vertices: Array
+    tree: Array
+    state: Array
+    map: Any
+
+
+class DiskProjection(Projection):
+    """Projects by the kernel `law` through a `map` to the disk, whose tables it is given.
+
+    `resolution` (m) is the length of surface over which the map itself is blurred.
     """
 
-    def to_angle(self, points: Array) -> Array:
-        """Return the angles (n,), rad, on the disk's circle that points (n, 2), m, inside the curve are mapped to."""
+    def __init__(
+        self, law: Callable[..., int], disk_map: ConformalMap | flow.FlowMap, curve: Curve, *, bilateral: bool,
+        resolution: float,
+    ) -> None:  # fmt: skip
+        shape = Representation(outline_of(curve), curve, resolution, 0.0)
+        super().__init__(
+            law, curve, bilateral=bilateral, smooth_only=True, arrange=lambda data: DiskData(*data, disk_map.tables),
+            **shape.tables,
+        )  # fmt: skip
+        self.map = disk_map
 
-    def surface(self, angles: Array) -> Array:
-        """Return the curve's parameters u (n,), inside its `u_range`, at boundary angles (n,), rad, of any turn."""
 
-    def parameter(self, x: float, y: float) -> float:
-        """The scalar path for one tick, in compiled code: the u at the boundary angle of one point inside, m."""
+@borrowing
+def through_flow(
+    data: DiskData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick through the flow's map, of signature `LAW` but for its data: (5.17), then the scheme's force.
 
-
-class DiskProjection:
-    """Maps the hand to the disk, moves it radially onto the circle, and maps that point back to the surface (5.17).
-
-    Only the boundary is mapped back, so that the IHIP lies on the exact curve: `standoff` is zero. The side of the hand
-    is the exact curve's too.
-
-    Outside, the hand is free; with `bilateral` it goes to the nearest surface point there, for the map covers the
-    inside alone. Without memory. `resolution` (m) is the length of surface over which the map itself is blurred.
-
-    Lines of projection are curved: regulate with (5.21), `transversal`.
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    Returns 0.
     """
-
-    smooth_only = True
-    potential: Sequence[float] = ()
-    support_range: Sequence[float] = ()
-
-    def __init__(self, disk: DiskMap, curve: Curve, *, bilateral: bool, resolution: float = 0.0) -> None:
-        self.surface = curve
-        self.resolution = resolution
-        self.standoff = 0.0
-        self.map = disk
-        self._boundary = outline_of(curve)
-        self._bilateral = bilateral
-
-    def project(self, hip: Array) -> Projected:
-        """Project a HIP (2,), m, in one tick (5.17)."""
-        x, y = hip.tolist()
-        inside, _ = _side_and_clearance(self._boundary, x, y)
-        u = self.map.parameter(x, y) if inside else math.nan
-        px, py, nx, ny = _ihip_and_normal(self._boundary, self._bilateral, inside, u, x, y)
-        return Projected(np.array((px, py)), np.array((nx, ny)), inside or self._bilateral)
-
-    def trace(self, hips: Array) -> Projected:
-        """Project HIPs (n, 2), m, a tick a row."""
-        inside = _are_inside(self._boundary, hips)
-        # (5.17): to the disk, radially out to its circle, and back to the boundary
-        parameters = np.full(inside.size, np.nan)
-        parameters[inside] = self.map.surface(self.map.to_angle(np.ascontiguousarray(hips[inside])))
-        answers = _ihips_and_normals(self._boundary, self._bilateral, inside, parameters, hips)
-        return Projected(answers[:, :2], answers[:, 2:], np.ones_like(inside) if self._bilateral else inside)
+    outline = outline_in(data)
+    inside, u = _is_inside(outline, hip[0], hip[1]), 0.0
+    if inside:
+        u = flow.project_to_parameter(data.map, hip[0], hip[1])
+        if math.isnan(u):  # in the sliver between the curve and the chords of the grid
+            _, nearest_u, _, _ = nearest_on(outline, hip[0], hip[1])
+            u = flow.surface_parameter(data.map, flow.angle_of(data.map, nearest_u))
+    return _answer(data, outline, inside, u, hip, velocity, dt, ihip, force)
 
 
-@compiled
-def _side_and_clearance(outline: Outline, x: float, y: float) -> tuple[bool, float]:
-    """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
+@borrowing
+def through_conformal_map(
+    data: DiskData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick through the conformal map, of signature `LAW` but for its data: (5.17), then the scheme's force.
 
-    Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
+    `hip` (2,), m, and `velocity` (2,), m/s, are the hand's; `ihip` (2,), m, and `force` (2,), N, are written.
+    Returns 0.
     """
+    outline = outline_in(data)
+    inside, u = _is_inside(outline, hip[0], hip[1]), 0.0
+    if inside:
+        u = conformal_kernels.project_to_parameter(data.map, hip[0], hip[1])
+    return _answer(data, outline, inside, u, hip, velocity, dt, ihip, force)
+
+
+@inner
+def _answer(
+    data: DiskData, outline: Outline, inside: bool, u: float, hip: Array, velocity: Array, dt: float, ihip: Array,
+    force: Array,
+) -> int:  # fmt: skip
+    """Write IHIP and force of a HIP: at the parameter u where it is `inside`. Returns 0."""
+    params, state = data.params, data.state
+    if not inside and as_record(params, GAINS).bilateral == 0.0:
+        return release(state, hip, ihip, force)
+    piece, normal = 0, as_record(state, PAST).normal
+    if inside:
+        piece = piece_index(outline.pieces, u)
+    else:
+        piece, u, _, _ = nearest_on(outline, hip[0], hip[1])
+    ihip[0], ihip[1], normal[0], normal[1] = frame(outline.pieces, outline.joins, piece, u, hip[0], hip[1])
+    return regulate(params, state, hip, velocity, 0.0, 0.0, dt, ihip, force)
+
+
+@borrowing
+def _is_inside(outline: Outline, x: float, y: float) -> bool:
+    """Whether a point is inside the curve. Where squares of distances overflow, it is outside."""
     edge, along, distance2 = nearest_kernel(outline.vertices, outline.tree, x, y)
     distance = math.sqrt(distance2)
     if not math.isfinite(distance):
-        return False, -1.0
+        return False
     # the curve lies within `stray` of its chords: beyond that the polygon of the chords tells the side
     if distance > outline.stray:
-        return side_kernel(outline.vertices, edge, along, x, y) < 0.0, distance - outline.stray
+        return side_kernel(outline.vertices, edge, along, x, y) < 0.0
     if outline.stray == 0.0:
-        return False, 0.0
-    _, _, distance, side = nearest_on(outline, x, y)
-    return side < 0.0, distance
-
-
-@compiled
-def _are_inside(outline: Outline, points: Array) -> BoolArray:
-    """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
-
-    Distances are known to the rounding of coordinates.
-    """
-    out = np.empty(points.shape[0], np.bool_)
-    inside, clear, x0, y0 = False, -1.0, 0.0, 0.0
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        if not math.hypot(x - x0, y - y0) < clear:  # it may have crossed the curve since (x0, y0)
-            inside, clear = _side_and_clearance(outline, x, y)
-            clear = 0.999999 * clear - DISTANCE_ROUNDING * (abs(x) + abs(y) + clear)
-            x0, y0 = x, y
-        out[i] = inside
-    return out
-
-
-@compiled
-def _ihip_and_normal(
-    outline: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
-) -> tuple[float, float, float, float]:
-    """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
-    if inside:
-        return frame(outline.pieces, outline.joins, piece_index(outline.pieces, u), u, x, y)
-    if not bilateral:  # free space
-        return x, y, 0.0, 0.0
-    piece, u, _, _ = nearest_on(outline, x, y)
-    return frame(outline.pieces, outline.joins, piece, u, x, y)
-
-
-@compiled
-def _ihips_and_normals(outline: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
-    """IHIP and normal (n, 4) a row of `hips` (n, 2)."""
-    out = np.empty((hips.shape[0], 4))
-    for i in range(hips.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _ihip_and_normal(
-            outline, bilateral, inside[i], parameters[i], hips[i, 0], hips[i, 1]
-        )
-    return out
+        return False
+    _, _, _, side = nearest_on(outline, x, y)
+    return side < 0.0
 
 
 FLOW_CELLS = 200
@@ -172,8 +158,9 @@ def by_flow_map(
     if not scene.model.curve.closed:
         return nearest(scene, representation)
     lines, levels = (None if count is None else int(count) for count in (lines, levels))
-    disk_map = flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
-    return DiskProjection(disk_map, scene.model.curve, bilateral=scene.bilateral, resolution=disk_map.spacing)
+    disk_map = flow.flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
+    curve = scene.model.curve
+    return DiskProjection(through_flow, disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.spacing)
 
 
 def by_conformal_map(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:
@@ -187,4 +174,4 @@ def by_conformal_map(scene: Scene, representation: str, *, nodes: float | None =
         return nearest(scene, representation)
     curve, count = scene.model.curve, None if nodes is None else int(nodes)
     disk_map = once(scene.model, ("conformal", count), lambda: conformal_map(curve, nodes=count))
-    return DiskProjection(disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.blur)
+    return DiskProjection(through_conformal_map, disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.blur)

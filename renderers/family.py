@@ -179,9 +179,9 @@ class ProjectiveFamily:
 
     def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene; its gains are the scene's."""
-        from hapticeval.renderers.projective import regulated
+        from hapticeval.renderers.projective import ProjectiveRenderer
 
-        return regulated(self._projection(scene), REGULATIONS[self.regulation], scene)
+        return ProjectiveRenderer(self._projection(scene), REGULATIONS[self.regulation], scene)
 
     def _projection(self, scene: Scene) -> Projection:
         module, _, function = self.project.partition(":")

@@ -33,7 +33,8 @@ from hapticeval.renderers.outline import (
     representation_of,
     slide,
 )
-from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, regulate, release
+from hapticeval.renderers.projective import Projection
+from hapticeval.renderers.regulation_kernel import GAINS, PAST, regulate, release
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -44,7 +45,7 @@ FLIGHTS = 64
 """Releases within one tick after which the side of the hand decides; each brings the tool closer to it."""
 
 
-def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES) -> CompiledProjection:
+def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
     """Return the constraint projection on a polygon or a curve, or on a triangle mesh, which is its own polygon.
 
     A run that starts with the hand inside starts in contact at the nearest surface point. In a bilateral scene the tool
@@ -53,9 +54,7 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
     if isinstance(scene.model.boundary, Mesh):
         return on_mesh(scene, scene.model.boundary)
     shape = representation_of(scene.model, representation, int(vertices))
-    return CompiledProjection(
-        follow, shape.surface, bilateral=scene.bilateral, state=PROXY, begin=begin, rows=follow_rows, **shape.tables
-    )
+    return Projection(follow, shape.surface, bilateral=scene.bilateral, state=PROXY, begin=begin, **shape.tables)
 
 
 @borrowing
@@ -94,22 +93,7 @@ def follow(
     if not touches:
         return release(state, hip, ihip, force)
     ihip[0], ihip[1], tool.normal[0], tool.normal[1] = frame(outline.pieces, outline.joins, piece, u, x, y)
-    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
-
-
-@borrowing
-def follow_rows(
-    data: LawData, push: Array, hips: Array, velocities: Array, dt: Array, ihips: Array, forces: Array,
-    reported: Array, contact: Array,  # noqa: ARG001 - as `lead_by_law`
-) -> tuple[int, int]:  # fmt: skip
-    """Answer each row of a path, as `lead_by_law` does: a tick on a polygon takes less time than a call by `LAW`.
-
-    `hips` (n, 2), m, and `velocities` (n, 2), m/s, are the hand's, `push` (2,), N; tick k lasts `dt[k]` s. Writes
-    `ihips` (n, 2), m, and `forces` (n, 2), N. Returns n and 0: it never refuses, and reports no contact.
-    """
-    for row in range(hips.shape[0]):
-        follow(data, hips[row], velocities[row], push, dt[row], ihips[row], forces[row])
-    return hips.shape[0], 0
+    return regulate(params, state, hip, velocity, 0.0, 0.0, dt, ihip, force)
 
 
 @borrowing
@@ -144,10 +128,10 @@ MESH_GAINS = record_type("touch", base=GAINS)
 """The `params` on a mesh: with its `touch` (m)."""
 
 
-def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
+def on_mesh(scene: Scene, mesh: Mesh) -> Projection:
     """Return the projection; whether the tool is ever released, and how a run starts, is as in the plane."""
     faces, vertices, tree = mesh.tables
-    return CompiledProjection(
+    return Projection(
         follow_on_mesh,
         mesh,
         bilateral=scene.bilateral,
@@ -205,4 +189,4 @@ def follow_on_mesh(
     _, normal = side_and_normal(faces, vertices, triangle, feature, place, tool_to_hand)
     for i in range(3):
         ihip[i], tool.normal[i] = place[i], normal[i]
-    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, 0.0, dt, ihip, force)

@@ -64,8 +64,9 @@ from hapticeval.renderers.potential import (
     potential_record,
     stretch,
 )
-from hapticeval.renderers.projective import FIRST_OWN, GAINS, PAST, CompiledProjection, once, regulate, release
+from hapticeval.renderers.projective import Projection, once
 from hapticeval.renderers.regulation import GRADIENT
+from hapticeval.renderers.regulation_kernel import FIRST_OWN, GAINS, PAST, regulate, release
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -81,7 +82,7 @@ RAY_STEPS = 50
 
 def homothetic(
     scene: Scene, representation: str, *, vertices: float = VERTICES, centre: ArrayLike | None = None
-) -> CompiledProjection:
+) -> Projection:
     """Return the projection on a representation of the scene's model, or in space on a mesh or an ellipsoid.
 
     `centre` (N,), m, is that of the kernel unless it is given. Raises as `centre_of` does.
@@ -95,11 +96,11 @@ def homothetic(
             faces, corners, tree = boundary.tables
             low, high = np.reshape(boundary.bounds, (2, 3))
             reach = 1.1 * float(np.linalg.norm(np.maximum(high - middle.point, middle.point - low)))
-            return CompiledProjection(
+            return Projection(
                 homothetic_on_mesh, boundary, bilateral=scene.bilateral, own=[*potential_record(potential), reach],
                 potential=potential, support_range=middle.support_range, pieces=faces, vertices=corners, tree=tree,
             )  # fmt: skip
-        return CompiledProjection(
+        return Projection(
             homothetic_in_space, boundary, bilateral=scene.bilateral, own=potential_record(potential),
             potential=potential, support_range=middle.support_range, lookup=_quadric(boundary, middle),
         )  # fmt: skip
@@ -109,7 +110,7 @@ def homothetic(
         curve, lengths = shape.surface, (shape.resolution, shape.standoff)
     middle = kernel_centre_of(model, curve, centre)
     potential = potential_numbers(middle)
-    return CompiledProjection(
+    return Projection(
         homothetic_in_plane, curve, bilateral=scene.bilateral, own=potential_record(potential), potential=potential,
         support_range=middle.support_range, pieces=curve.pieces,
         lookup=ray_table(curve, middle.point), resolution=lengths[0], standoff=lengths[1],
@@ -238,7 +239,7 @@ def homothetic_in_plane(
     normal = as_record(state, PAST).normal
     ihip[0], ihip[1], normal[0], normal[1] = x, y, dy / speed, -dx / speed
     h = (wx * dy - wy * dx) / speed
-    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, _gradient_length(params, shortfall, h), dt, ihip, force)
 
 
 @inner
@@ -288,7 +289,7 @@ def homothetic_in_space(
     size = 1.0 / math.sqrt(size)
     for i in range(3):
         normal[i] *= size
-    return regulate(params, state, hip, velocity, _gradient_length(params, 1.0 - ratio, h * size), dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, _gradient_length(params, 1.0 - ratio, h * size), dt, ihip, force)
 
 
 MESH_POTENTIAL = record_type("length", base=POTENTIAL)
@@ -322,7 +323,7 @@ def homothetic_on_mesh(
     for i in range(3):
         ihip[i], normal[i] = centre[i] + ray_share * ray[i], data.pieces[triangle, NORMAL_COLUMN + i]
         h += normal[i] * ray_share * ray[i]
-    return regulate(params, state, hip, velocity, _gradient_length(params, shortfall, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, _gradient_length(params, shortfall, h), dt, ihip, force)
 
 
 COMBESCURE = FIRST_OWN + 1
@@ -344,7 +345,7 @@ SAFE = 1.0 - 1e-6
 """Share of the smallest radius of curvature, which is sampled, that is believed."""
 
 
-def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = None) -> CompiledProjection:
+def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = None) -> Projection:
     """Return the projection on the scene's exact curve, or on a sphere or an ellipsoid.
 
     `centre` (N,), m, is that of the kernel unless it is given. Raises as `centre_of` does.
@@ -362,12 +363,12 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     potential = potential_numbers(middle, reach)
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
-        return CompiledProjection(
+        return Projection(
             combescure_in_space, boundary, bilateral=scene.bilateral, own=[0.0, *potential_record(potential)],
             potential=potential, support_range=middle.support_range, pieces=row,
         )  # fmt: skip
     tables = representation_of(model, "curve").tables
-    return CompiledProjection(
+    return Projection(
         combescure_in_plane, model.curve, bilateral=scene.bilateral, potential=potential,
         support_range=middle.support_range, **{**tables, "own": [*tables["own"], *potential_record(potential)]},
     )  # fmt: skip
@@ -488,7 +489,7 @@ def combescure_in_plane(
         ihip[0], ihip[1], normal[0], normal[1], t = _search(data, x, y)
     cx, cy = potential.centre[0], potential.centre[1]
     h = normal[0] * (ihip[0] - cx) + normal[1] * (ihip[1] - cy)
-    return regulate(params, state, hip, velocity, stretch(potential, t, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, stretch(potential, t, h), dt, ihip, force)
 
 
 @borrowing
@@ -528,4 +529,4 @@ def combescure_in_space(
     for i in range(3):
         ihip[i], past.normal[i] = foot[i], normal[i]
     h = dot(normal, plus(foot, -1.0, centre))
-    return regulate(params, state, hip, velocity, stretch(potential, t, h), dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, stretch(potential, t, h), dt, ihip, force)

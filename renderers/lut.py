@@ -1,8 +1,8 @@
 """Any projection without memory as a look-up table (thesis 6.2), the representation `@lut`: looking up, and filling.
 
 A table is `nodes` (..., y, x, 2N), IHIP and outward unit normal interleaved; `cells` (..., y, x), one byte a cell; and
-`frame` (N + 1,): the first node (m), and one over the cell's side (1/m). A byte of `cells` says how the cell between
-its nodes is read:
+`frame` (2N + 1,): the first node (m), one over the cell's side (1/m), and the cells along x, y, (z). A byte of `cells`
+says how the cell between its nodes is read:
 
     FREE         outside: no contact anywhere in it
     HELD         contact everywhere in it
@@ -42,155 +42,148 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled, for_kernels
+from hapticeval.compiled import borrowing, compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.polygon_kernels import signed_distances
+from hapticeval.laws import law_value
+from hapticeval.records import as_record
 from hapticeval.renderers.outline import outline_of
-from hapticeval.renderers.projective import Projected, Projection, once
+from hapticeval.renderers.potential import POTENTIAL, potential_record, stretch_at
+from hapticeval.renderers.projective import Projection, once
+from hapticeval.renderers.regulation import GRADIENT
+from hapticeval.renderers.regulation_kernel import FIRST_OWN, GAINS, PAST, regulate, release
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
 
 FREE, HELD, BORDER, MARKED = 0, 1, 2, 4
 
-BLOCK = 512
-"""HIPs that are looked up together."""
-
 OUT, TOUCHES, ASK = 0, 1, 2
 """Status of an answer: in free space, in contact, to be asked of the exact projection."""
 
 
-@compiled
-def look_up(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, x: float, y: float
-) -> tuple[int, float, float, float, float]:
-    """Read the table at one HIP (x, y), m: (status, IHIP x, y, m, normal x, y).
+class TableArrays(NamedTuple):
+    """A table as the loops take it: nodes (k, 2N) and cells (c,) in rows, x first, `frame` (2N + 1,) of the module.
 
-    `nodes` (y, x, 4), `cells` (y, x) and `frame` (3,) are the module's. Answers that do not touch hold the HIP and a
-    zero normal. A marked cell, and in a table that answers `everywhere` what is off the grid, is to be asked of the
-    projection.
+    `everywhere` is that of a `Table`.
     """
-    rows, columns = cells.shape
-    a, b = (x - frame[0]) * frame[2], (y - frame[1]) * frame[2]  # in cells from the first node
-    if not (0.0 <= a <= columns and 0.0 <= b <= rows):
-        return ASK if everywhere and a == a and b == b else OUT, x, y, 0.0, 0.0
-    i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
-    kind = cells[j, i]
+
+    nodes: Array
+    cells: ByteArray
+    frame: Array
+    everywhere: bool
+
+
+@borrowing
+def look_up(table: TableArrays, hip: Array, ihip: Array, normal: Array) -> int:
+    """Read the table at one HIP (N,), m: write IHIP (N,), m, and outward unit normal (N,), and return the status.
+
+    An answer that does not touch leaves nothing of use in both. A marked cell, and in a table that answers `everywhere`
+    what is off the grid, is to be asked of the projection.
+    """
+    size, frame = hip.shape[0], table.frame
+    first_node, cell, node_stride, cell_stride = np.int64(0), np.int64(0), np.int64(1), np.int64(1)
+    a, b, c = 0.0, 0.0, 0.0  # shares of the cell along x, y and z
+    row_nodes, layer_nodes = np.int64(0), np.int64(0)
+    for axis in range(size):
+        count = np.int64(frame[size + 1 + axis])
+        at = (hip[axis] - frame[axis]) * frame[size]  # in cells from the first node
+        if not 0.0 <= at <= count:
+            finite = True
+            for i in range(size):
+                finite = finite and hip[i] == hip[i]
+            return ASK if table.everywhere and finite else OUT
+        index = min(np.int64(at), count - 1)
+        if axis == 0:
+            a, row_nodes = at - index, count + 1
+        elif axis == 1:
+            b, layer_nodes = at - index, row_nodes * (count + 1)
+        else:
+            c = at - index
+        cell += cell_stride * index
+        first_node += node_stride * index
+        cell_stride *= count
+        node_stride *= count + 1
+    kind = table.cells[cell]
     if kind == FREE or kind >= MARKED:
-        return OUT if kind == FREE else ASK, x, y, 0.0, 0.0
-    px, py, nx, ny = _bilinear(nodes, i, j, a - np.int64(i), b - np.int64(j))
+        return OUT if kind == FREE else ASK
+    for i in range(size):
+        ihip[i] = normal[i] = 0.0
+    for corner in range(1 << size):  # bilinear or trilinear: the bits of the number are the sides along x, y and z
+        weight, node = (a if corner & 1 else 1.0 - a) * (b if corner & 2 else 1.0 - b), first_node
+        if size == 3:
+            weight *= c if corner & 4 else 1.0 - c
+        node += (corner & 1) + row_nodes * ((corner >> 1) & 1) + layer_nodes * ((corner >> 2) & 1)
+        for i in range(size):
+            ihip[i] += weight * table.nodes[node, i]
+            normal[i] += weight * table.nodes[node, size + i]
+    normal_squared, height = 0.0, 0.0
+    for i in range(size):
+        normal_squared += normal[i] * normal[i]
+        height += (hip[i] - ihip[i]) * normal[i]
     # a cell that the surface may pass: contact behind the plane of IHIP and normal only
-    if kind == BORDER and not (x - px) * nx + (y - py) * ny < 0.0:
-        return OUT, x, y, 0.0, 0.0
-    return TOUCHES, px, py, nx, ny
+    if kind == BORDER and not height < 0.0:
+        return OUT
+    unit = 1.0 / math.sqrt(normal_squared)
+    for i in range(size):
+        normal[i] *= unit
+    return TOUCHES
 
 
 @compiled
-def look_up_many(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
-) -> tuple[Array, Array, ByteArray]:
-    """Read the table at HIPs (n, 2), m, as `look_up` does: IHIPs (n, 2), m, unit normals (n, 2), status (n,).
+def look_up_rows(table: TableArrays, hips: Array) -> tuple[Array, Array, ByteArray]:
+    """Read the table at HIPs (n, N), m: IHIPs (n, N), m, unit normals (n, N) and status (n,), as `look_up`.
 
-    `nodes` (y, x, 4), `cells` (y, x) and `frame` (3,) are the module's. A block at a time: first the cells of its HIPs,
-    without a branch that chance decides; then all that is interpolated, in a row.
+    Where a HIP does not touch, the IHIP is the HIP and the normal zero.
     """
-    count, (rows, columns) = hips.shape[0], cells.shape
-    ihips, normals = np.empty_like(hips), np.empty_like(hips)
-    status = np.empty(count, np.uint8)
-    x0, y0, per_metre = frame[0], frame[1], frame[2]
-    last_column, last_row = np.uint64(columns - 1), np.uint64(rows - 1)
-    hit_rows, across, up = np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64)
-    right, above, kinds = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK, np.uint8)
-    for start in range(0, count, BLOCK):
-        hit_count = np.uint64(0)
-        for k in range(start, min(start + BLOCK, count)):
-            x, y = hips[k, 0], hips[k, 1]
-            a, b = (x - x0) * per_metre, (y - y0) * per_metre
-            ihips[k, 0], ihips[k, 1], normals[k, 0], normals[k, 1] = x, y, 0.0, 0.0
-            if 0.0 <= a <= columns and 0.0 <= b <= rows:
-                i, j = min(np.uint64(np.int64(a)), last_column), min(np.uint64(np.int64(b)), last_row)
-                kind = cells[j, i]
-                hit_rows[hit_count], across[hit_count], up[hit_count], kinds[hit_count] = np.uint64(k), i, j, kind
-                right[hit_count], above[hit_count] = a - np.int64(i), b - np.int64(j)
-                # without a branch: a HIP that is not interpolated is written too, and overwritten by the next
-                hit_count += np.uint64((kind != FREE) & (kind < MARKED))
-                status[k] = (kind >> 1) & ASK
-            else:
-                status[k] = ASK if everywhere and a == a and b == b else OUT
-        for hit in range(hit_count):
-            row = hit_rows[hit]
-            px, py, nx, ny = _bilinear(nodes, across[hit], up[hit], right[hit], above[hit])
-            if kinds[hit] == HELD or (hips[row, 0] - px) * nx + (hips[row, 1] - py) * ny < 0.0:
-                ihips[row, 0], ihips[row, 1], normals[row, 0], normals[row, 1] = px, py, nx, ny
-                status[row] = TOUCHES
+    ihips, normals, status = np.empty_like(hips), np.empty_like(hips), np.empty(hips.shape[0], np.uint8)
+    for row in range(hips.shape[0]):
+        status[row] = look_up(table, hips[row], ihips[row], normals[row])
+        if status[row] != TOUCHES:
+            for i in range(hips.shape[1]):
+                ihips[row, i], normals[row, i] = hips[row, i], 0.0
     return ihips, normals, status
 
 
-@compiled
-def look_up_in_space(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
-) -> tuple[Array, Array, ByteArray]:
-    """Read the table at HIPs (n, 3), m: IHIPs (n, 3), m, outward unit normals (n, 3) and status (n,).
+class LutData(NamedTuple):
+    """What a law on a table works on: its gains and state, the table, and the law of the projection that is tabulated.
 
-    `nodes` (z, y, x, 6), `cells` (z, y, x) and `frame` (4,) are the module's; see `look_up`.
+    That law is asked without gains: of its answer only the IHIP and the normal count.
     """
-    count, cell_counts, answer = hips.shape[0], cells.shape[::-1], np.empty(6)
-    ihips, normals, status = hips.copy(), np.zeros_like(hips), np.zeros(count, np.uint8)
-    cell, share = np.empty(3, np.int64), np.empty(3)
-    for row in range(count):
-        on_grid = True
-        for axis in range(3):
-            at = (hips[row, axis] - frame[axis]) * frame[3]
-            on_grid = on_grid and 0.0 <= at <= cell_counts[axis]
-            if on_grid:
-                cell[axis] = min(np.int64(at), cell_counts[axis] - 1)
-                share[axis] = at - cell[axis]
-        if not on_grid:
-            finite = not np.isnan(hips[row]).any()
-            status[row] = ASK if everywhere and finite else OUT
-            continue
-        i, j, k = cell
-        kind = cells[k, j, i]
-        if kind == FREE or kind >= MARKED:
-            status[row] = OUT if kind == FREE else ASK
-            continue
-        # IHIP (m) and normal at the HIP's shares of the cell
-        answer[:] = 0.0
-        for corner in range(8):  # trilinear: the bits of the number are the sides along x, y and z
-            x, y, z = corner & 1, (corner >> 1) & 1, corner >> 2
-            weight = share[0] if x else 1.0 - share[0]
-            weight *= share[1] if y else 1.0 - share[1]
-            weight *= share[2] if z else 1.0 - share[2]
-            for axis in range(6):
-                answer[axis] += weight * nodes[k + z, j + y, i + x, axis]
-        normal_squared, behind = 0.0, 0.0
-        for axis in range(3):
-            normal_squared += answer[3 + axis] * answer[3 + axis]
-            behind += (hips[row, axis] - answer[axis]) * answer[3 + axis]
-        if kind == BORDER and not behind < 0.0:
-            continue
-        status[row] = TOUCHES
-        for axis in range(3):
-            ihips[row, axis], normals[row, axis] = answer[axis], answer[3 + axis] / math.sqrt(normal_squared)
-    return ihips, normals, status
+
+    params: Array
+    state: Array
+    table: TableArrays
+    exact_law: Callable[..., int]
+    exact: Any
 
 
-@compiled
-def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> tuple[float, float, float, float]:
-    """IHIP and unit normal at the shares (a, b) of cell (i, j): unsigned, so that no index counts from the end."""
-    right, above = i + np.uint64(1), j + np.uint64(1)
-    w00, w10, w01, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
-    px = w00 * nodes[j, i, 0] + w10 * nodes[j, right, 0] + w01 * nodes[above, i, 0] + w11 * nodes[above, right, 0]
-    py = w00 * nodes[j, i, 1] + w10 * nodes[j, right, 1] + w01 * nodes[above, i, 1] + w11 * nodes[above, right, 1]
-    nx = w00 * nodes[j, i, 2] + w10 * nodes[j, right, 2] + w01 * nodes[above, i, 2] + w11 * nodes[above, right, 2]
-    ny = w00 * nodes[j, i, 3] + w10 * nodes[j, right, 3] + w01 * nodes[above, i, 3] + w11 * nodes[above, right, 3]
-    size = 1.0 / math.sqrt(nx * nx + ny * ny)
-    return px, py, nx * size, ny * size
+@borrowing
+def follow_table(data: LutData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
+    """One tick on a table, of signature `LAW` but for its data: IHIP (6.2), then the scheme's force.
+
+    `hip` (N,), m, and `velocity` (N,), m/s, are the hand's; `ihip` (N,), m, and `force` (N,), N, are written.
+    Returns 0.
+    """
+    params, state, normal = data.params, data.state, as_record(data.state, PAST).normal
+    status = look_up(data.table, hip, ihip, normal)
+    if status == ASK:
+        exact_past = as_record(data.exact.state, PAST)
+        data.exact_law(data.exact, hip, velocity, push, dt, ihip, force)
+        status = TOUCHES if exact_past.in_contact != 0.0 else OUT
+        for i in range(hip.shape[0]):
+            normal[i] = exact_past.normal[i]
+    if status != TOUCHES:
+        return release(state, hip, ihip, force)
+    stretch = 0.0
+    if as_record(params, GAINS).scheme == GRADIENT:
+        stretch = stretch_at(as_record(params, POTENTIAL, FIRST_OWN), hip, ihip, normal)
+    return regulate(params, state, hip, velocity, 0.0, stretch, dt, ihip, force)
 
 
 CELL_SIDES = {2: 0.5e-3, 3: 2e-3}
@@ -281,23 +274,16 @@ class Table:
         """The memory that nodes and cells take, as measured on the arrays."""
         return self.nodes.nbytes + self.cells.nbytes
 
-    def look(self, x: float, y: float) -> tuple[int, float, float, float, float]:
-        """One HIP in the plane: (status, IHIP x, y, normal x, y), see `look_up`."""
-        return look_up(*self._arrays, self.everywhere, x, y)
-
-    def look_many(self, hips: Array) -> tuple[Array, Array, ByteArray]:
+    def look_up(self, hips: Array) -> tuple[Array, Array, ByteArray]:
         """Read the table at HIPs (n, N), m, in plane or space: IHIPs (n, N), m, unit normals (n, N), status (n,)."""
-        look_up = look_up_many if self.grid.dimension == 2 else look_up_in_space
-        return look_up(*self._arrays, self.everywhere, for_kernels(hips))
+        return look_up_rows(self.arrays, for_kernels(hips))
 
     @cached_property
-    def _arrays(self) -> tuple[Array, ByteArray, Array]:
-        """Nodes, cells and frame, all read-only and plain: the loops are then compiled for one type."""
-        frame = np.array([*self.grid.origin, 1.0 / self.grid.cell])
-        nodes, cells = self.nodes.view(np.ndarray), self.cells.view(np.ndarray)
-        for array in (nodes, cells, frame):
-            array.flags.writeable = False
-        return nodes, cells, frame
+    def arrays(self) -> TableArrays:
+        """The table as the loops take it: of the memory that it has."""
+        frame = np.array([*self.grid.origin, 1.0 / self.grid.cell, *self.grid.cells])
+        nodes = self.nodes.view(np.ndarray).reshape(-1, 2 * self.grid.dimension)
+        return TableArrays(nodes, self.cells.view(np.ndarray).reshape(-1), frame, self.everywhere)
 
 
 def empty(grid: Grid, *, everywhere: bool = False) -> Table:
@@ -575,7 +561,7 @@ def _corner_slices(shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
     ]
 
 
-class LutProjection:
+class LutProjection(Projection):
     """Interpolates in a table; where the table does not interpolate, the `exact` projection answers.
 
     `surface` is the curve, or surface in space, that was tabulated, `resolution` (m) what is blurred: the side of a
@@ -585,35 +571,19 @@ class LutProjection:
     the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
-    def __init__(self, table: Table, surface: Boundary, *, resolution: float, exact: Projection) -> None:
+    def __init__(self, table: Table, exact: Projection, *, bilateral: bool) -> None:
+        resolution = max(table.grid.cell, exact.resolution)
+        # without gains, and of the same kind of contact
+        exact_data = exact.data(exact.gains)
+        exact_law = law_value(exact.law, exact_data)
+        super().__init__(
+            follow_table, exact.surface, bilateral=bilateral, resolution=resolution,
+            standoff=max(table.standoff, exact.standoff), potential=exact.potential,
+            support_range=_blurred_supports(exact.support_range, STRETCH * resolution),
+            own=potential_record(exact.potential) if exact.potential else (),
+            arrange=lambda data: LutData(data.params, data.state, table.arrays, exact_law, exact_data),
+        )  # fmt: skip
         self.table = table
-        self.surface = surface
-        self.resolution = resolution
-        self.standoff = max(table.standoff, exact.standoff)
-        self.potential = exact.potential
-        self.support_range: Sequence[float] = _blurred_supports(exact.support_range, STRETCH * resolution)
-        self._exact = exact
-
-    def project(self, hip: Array) -> Projected:
-        """Project a HIP (N,), m, in one tick."""
-        if hip.size == 3:
-            return self.trace(hip[np.newaxis]).row(0)
-        x, y = hip.tolist()
-        status, px, py, nx, ny = self.table.look(x, y)
-        if status == ASK:
-            return self._exact.project(hip)
-        return Projected(np.array((px, py)), np.array((nx, ny)), status == TOUCHES)
-
-    def trace(self, hips: Array) -> Projected:
-        """Project HIPs (n, N), m, a tick a row."""
-        ihips, normals, status = self.table.look_many(hips)
-        contact = status == TOUCHES
-        marked_rows = np.flatnonzero(status == ASK)
-        if marked_rows.size:
-            ihips[marked_rows], normals[marked_rows], contact[marked_rows] = self._exact.trace(
-                np.ascontiguousarray(hips[marked_rows])
-            )
-        return Projected(ihips, normals, contact)
 
 
 def _blurred_supports(supports: Sequence[float], reach: float) -> tuple[float, ...]:
@@ -647,4 +617,4 @@ def tabulated(
     exact = project(scene, representation, **settings)
     key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
     table = once(scene.model, key, make)
-    return LutProjection(table, exact.surface, resolution=max(table.grid.cell, exact.resolution), exact=exact)
+    return LutProjection(table, exact, bilateral=scene.bilateral)

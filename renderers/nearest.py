@@ -34,8 +34,9 @@ from hapticeval.laws import EMPTY_TABLE, LawData
 from hapticeval.records import as_record, record_type
 from hapticeval.renderers.family import GRID_NODES, VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
-from hapticeval.renderers.projective import GAINS, PAST, CompiledProjection, Projection, once, regulate, release
+from hapticeval.renderers.projective import Projection, once
 from hapticeval.renderers.regulation import PP_PD_C
+from hapticeval.renderers.regulation_kernel import GAINS, PAST, regulate, release
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -51,17 +52,17 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     model = scene.model
     if isinstance(model.boundary, Mesh) and representation in ("curve", "polygon"):
         mesh, (faces, corners, tree) = model.boundary, model.boundary.tables
-        return CompiledProjection(
+        return Projection(
             on_mesh, mesh, bilateral=scene.bilateral, state=SEARCH, pieces=faces, vertices=corners, tree=tree
         )
     if model.dimension == 3 and representation == "curve":
         row = model.surface.row[np.newaxis]
-        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, exact=True, pieces=row)
+        return Projection(in_space, model.surface, bilateral=scene.bilateral, exact=True, pieces=row)
     if representation == "level-set" and model.curve.closed:
         return nearest_on_level_set(model, (int(grid), int(grid)), bilateral=scene.bilateral)
     shape = representation_of(model, representation, int(vertices))
     exact = representation == "curve"
-    return CompiledProjection(in_plane, shape.surface, bilateral=scene.bilateral, exact=exact, **shape.tables)
+    return Projection(in_plane, shape.surface, bilateral=scene.bilateral, exact=exact, **shape.tables)
 
 
 @borrowing
@@ -88,7 +89,7 @@ def in_plane(
         speed = math.hypot(dx, dy)
         tangential_velocity = (dx * velocity[0] + dy * velocity[1]) / speed
         centripetal = (dx * ddy - dy * ddx) / (speed * speed * speed) * (tangential_velocity * tangential_velocity)
-    return regulate(params, state, hip, velocity, centripetal, dt, ihip, force)
+    return regulate(params, state, hip, velocity, centripetal, 0.0, dt, ihip, force)
 
 
 @borrowing
@@ -111,7 +112,7 @@ def in_space(
         # v.W v with the shape operator W: κ v_t^2 along the motion, m/s^2
         v = (velocity[0], velocity[1], velocity[2])
         centripetal = dot(v, apply_matrix(shape_operator(surface, foot, normal), v))
-    return regulate(params, state, hip, velocity, centripetal, dt, ihip, force)
+    return regulate(params, state, hip, velocity, centripetal, 0.0, dt, ihip, force)
 
 
 @borrowing
@@ -130,7 +131,7 @@ def on_mesh(
         return release(state, hip, ihip, force)
     for i in range(3):
         ihip[i], search.normal[i] = foot[i], normal[i]
-    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, 0.0, dt, ihip, force)
 
 
 ARC_CHORDS = 8
@@ -319,7 +320,7 @@ tan(a / 2)) cells, which is 1.2 at 60 degrees and 2.6 at 30. What is missing bey
 REFINE = "refine the grid, or use minimum-distance on the curve or the polygon"
 
 
-def nearest_on_level_set(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
+def nearest_on_level_set(model: Model, shape: tuple[int, int], *, bilateral: bool) -> Projection:
     """Return the projection to the nearest point of the zero contour, in contact while the interpolant is negative.
 
     Islands of the contour, which tips and slits narrower than a cell may leave, are not part of it: how far its surface
@@ -329,7 +330,7 @@ def nearest_on_level_set(model: Model, shape: tuple[int, int], *, bilateral: boo
     return once(model, ("level-set", shape, bilateral), lambda: _build_projection(model, shape, bilateral=bilateral))
 
 
-def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
+def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) -> Projection:
     level_set = model.level_set(shape)
     try:
         c, outline = contour_of(level_set)
@@ -347,7 +348,7 @@ def _build_projection(model: Model, shape: tuple[int, int], *, bilateral: bool) 
             why="a tip, slit or neck narrower than a cell has no node inside, or none that is joined to the rest",
             todo=REFINE,
         )
-    return CompiledProjection(
+    return Projection(
         on_level_set, outline, bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), pieces=c.arcs,
         lookup=c.values, vertices=c.vertices, tree=c.tree, resolution=level_set.cell, standoff=standoff,
     )  # fmt: skip
@@ -367,4 +368,4 @@ def on_level_set(
         return release(state, hip, ihip, force)
     normal = as_record(state, PAST).normal
     ihip[0], ihip[1], normal[0], normal[1] = nearest_on_contour(c, x, y)
-    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
+    return regulate(params, state, hip, velocity, 0.0, 0.0, dt, ihip, force)

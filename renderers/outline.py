@@ -45,10 +45,11 @@ from hapticeval.geometry.kernels import (
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import first_entry_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
-from hapticeval.laws import EMPTY_TABLE, LawData
+from hapticeval.laws import EMPTY_TABLE
 from hapticeval.records import as_record, as_records, record_type, room_for
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.projective import GAINS, once
+from hapticeval.renderers.projective import once
+from hapticeval.renderers.regulation_kernel import GAINS
 from hapticeval.types import Array
 
 SAMPLED_RAISE = 1.1
@@ -293,8 +294,8 @@ OUTLINE_GAINS = record_type("stray", base=GAINS)
 
 
 @inner
-def outline_in(data: LawData) -> Outline:
-    """Return the boundary that a law works on."""
+def outline_in(data: Any) -> Outline:
+    """Return the boundary that a law works on: `data` has the tables of a `LawData`."""
     stray = as_record(data.params, OUTLINE_GAINS).stray
     return Outline(data.pieces, data.joins, data.lookup, data.vertices, data.tree, stray)
 

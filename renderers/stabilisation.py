@@ -21,7 +21,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.records import numbers_of, room_for
 from hapticeval.renderer import CompiledStep, Declaration
 from hapticeval.renderers.atlas import active_charts, by_charts, charts
-from hapticeval.renderers.projective import LawRenderer
+from hapticeval.renderers.law_renderer import LawRenderer
 from hapticeval.renderers.stabilisation_laws import BEYOND, SET_GAINS, TOUCH, on_curve, on_surface
 from hapticeval.scene import Scene
 from hapticeval.types import Array

@@ -72,7 +72,7 @@ from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_
 from hapticeval.geometry.triples import Triple, dot
 from hapticeval.laws import LawData
 from hapticeval.records import as_record, record_type
-from hapticeval.renderers.projective import PAST, release
+from hapticeval.renderers.regulation_kernel import PAST, release
 from hapticeval.types import Array
 
 SET_GAINS = record_type("stiffness", "damping", "mass", "viscosity", "bilateral")

@@ -10,6 +10,7 @@ from hapticeval.examples.studies.energy_field import energy_field, worst_loop
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.reports.canvas import figure
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import answers_along
 
 PICTURES = Path("pictures")
 PICTURES.mkdir(exist_ok=True)
@@ -82,7 +83,7 @@ with figure(10.0, 3.6, layout="constrained") as made:
         for u, line in ((0.0, "-"), (np.pi / 4.0, "--")):
             foot, normal = MODEL.curve.position(u), MODEL.curve.normal(u)
             depth = np.linspace(1e-4, 0.04, 120)
-            _, forces = renderer.run(foot - depth[:, np.newaxis] * normal, 1e-3)
+            forces = answers_along(renderer, foot - depth[:, np.newaxis] * normal, 1e-3).force
             panels[2].plot(
                 1e3 * depth, np.linalg.norm(forces, axis=1) / (1e3 * depth), line,
                 color=COLOURS.get(name, "#6b7280"), label=f"{name}, {'tip' if u == 0.0 else 'valley'}",

@@ -6,34 +6,26 @@ while true
   answer = struct('id', m.id);
   switch m.call
     case 'hello'
-      answer.version = 1; answer.supports = {'plane'}; answer.spring = true; answer.run = true;
+      answer.version = 1; answer.supports = {'plane'}; answer.spring = true;
     case 'scene'
       a = m.vertices(m.cells(:, 1) + 1, :);  % edges: from a along u
       u = m.vertices(m.cells(:, 2) + 1, :) - a;
       stiffness = m.stiffness;
-    case {'step', 'run'}
-      if strcmp(m.call, 'run'), hips = m.hips; else hips = m.hip'; end
-      if ~isnumeric(hips) || any(isnan(hips(:)))  % null: there is no number
+    case 'step'
+      hip = m.hip';
+      if ~isnumeric(hip) || any(isnan(hip))  % null: there is no number
         answer.refuse = 'a hand without a position';
-        disp(jsonencode(answer)); fflush(stdout);
-        continue
-      end
-      ihips = hips;
-      for k = 1:size(hips, 1)
-        p = hips(k, :) - a;
+      else
+        p = hip - a;
         q = p - u;
         turn = sum(atan2(p(:, 1) .* q(:, 2) - p(:, 2) .* q(:, 1), sum(p .* q, 2)));
+        answer.ihip = hip;
         if abs(turn) > 3  % 2 pi inside, 0 outside
           share = min(max(sum(p .* u, 2) ./ sum(u .^ 2, 2), 0), 1);
           [~, n] = min(sum((p - share .* u) .^ 2, 2));
-          ihips(k, :) = a(n, :) + share(n) * u(n, :);
+          answer.ihip = a(n, :) + share(n) * u(n, :);
         end
-      end
-      forces = stiffness * (ihips - hips);
-      if strcmp(m.call, 'run')
-        answer.ihips = ihips; answer.forces = forces;
-      else
-        answer.ihip = ihips; answer.force = forces;
+        answer.force = stiffness * (answer.ihip - hip);
       end
     case 'bye'
       break

@@ -26,17 +26,14 @@ scene: dict = {}
 for line in sys.stdin:
     message = json.loads(line)
     call, answer = message["call"], {"id": message["id"]}
-    missing = any(None in hip for hip in message.get("hips", [message.get("hip", [])]))  # null: there is no number
     if call == "hello":
-        answer.update(version=1, name="penalty", supports=["plane"], spring=True, run=True)
+        answer.update(version=1, name="penalty", supports=["plane"], spring=True)
     elif call == "scene":
         scene = message
-    elif missing:
+    elif None in message.get("hip", []):  # null: there is no number
         answer["refuse"] = "a hand without a position"
     elif call == "step":
         answer["ihip"], answer["force"], answer["contact"] = step(message["hip"], scene)
-    elif call == "run":
-        answer["ihips"], answer["forces"], _ = zip(*(step(hip, scene) for hip in message["hips"]), strict=True)
     elif call == "bye":
         break
     print(json.dumps(answer), flush=True)

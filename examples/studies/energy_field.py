@@ -14,7 +14,8 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
-from hapticeval.renderer import Batch
+from hapticeval.renderer import Renderer
+from hapticeval.simulation.playback import answers_along
 from hapticeval.types import Array
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -50,7 +51,7 @@ class Loop:
     work: float
 
 
-def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> EnergyField:
+def energy_field(renderer: Renderer, curve: Curve, *, cell: float = 1e-3) -> EnergyField:
     """Measure the curl of a renderer's force inside a closed curve, in square cells of the side `cell` (m)."""
     xmin, ymin, xmax, ymax = curve.bounds
     counts = [max(1, int(np.ceil((high - low) / cell))) for low, high in ((xmin, xmax), (ymin, ymax))]
@@ -72,12 +73,12 @@ def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> Energy
     return EnergyField(centres, cell, np.where(depth > cell, round_about / cell**2, np.nan), depth)
 
 
-def _forces_at(renderer: Batch, points: Array) -> Array:
+def _forces_at(renderer: Renderer, points: Array) -> Array:
     rows = np.ascontiguousarray(points.reshape(-1, 2))
-    return np.asarray(renderer.run(rows, 1.0)[1]).reshape(points.shape)
+    return answers_along(renderer, rows, 1.0).force.reshape(points.shape)
 
 
-def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> Loop:
+def work_round(renderer: Renderer, centre: tuple[float, float], radius: float) -> Loop:
     """Measure the work (J) that a renderer's force does once round a circle, by the trapezoidal rule.
 
     `centre` and `radius` are in m; `LOOP_POINTS` points make the circle.
@@ -85,7 +86,7 @@ def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> L
     angles = np.linspace(0.0, 2.0 * np.pi, LOOP_POINTS + 1)
     # The last point is the first one again: the loop is closed.
     hips = np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    _, forces = renderer.run(hips, 1.0)
+    forces = answers_along(renderer, hips, 1.0).force
     # W = sum of (F_k + F_k+1)/2 . (x_k+1 - x_k), J.
     work = float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0)))
     return Loop((float(centre[0]), float(centre[1])), radius, work)
@@ -112,7 +113,7 @@ def works_at(field: EnergyField, radius: float) -> Array:
 
 
 def worst_loop(
-    renderer: Batch, field: EnergyField, radius: float, *, depths: tuple[float, float] = (0.0, np.inf)
+    renderer: Renderer, field: EnergyField, radius: float, *, depths: tuple[float, float] = (0.0, np.inf)
 ) -> Loop:
     """Find the circle of a radius (m) wholly inside by which the hand gains most, in either sense: scanned, measured.
 

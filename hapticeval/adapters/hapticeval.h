@@ -40,9 +40,7 @@ int32_t hr_info_get(const void *self, hr_info *info);  /* self NULL: flags and m
 int32_t hr_create(const hr_scene *scene, void **self, char *why, uint32_t n);  /* if HR_REFUSES_MODEL, n bytes of why */
 int32_t hr_reset(void *self, const double *hip, const double *tool);  /* a run begins; tool: a free start for it */
 int32_t hr_step(void *self, const double *hip, const double *velocity, double dt, double *ihip, double *force);
-  /* HR_FREE (ihip = hip, force = 0), HR_CONTACT, or HR_REFUSES_HIP outside your domain; always write ihip and force */
-int32_t hr_run(void *self, uint32_t n, const double *hips, const double *velocities, double dt, double *ihips,
-               double *forces);  /* optional: n steps at once, after hr_reset; return 0. All forces act on the hand */
+  /* HR_FREE (ihip = hip, force = 0), HR_CONTACT, or HR_REFUSES_HIP outside your domain; always write ihip and force. The force acts on the hand */
 void hr_destroy(void *self);
 #ifdef __cplusplus
 }

@@ -27,10 +27,9 @@ from hapticeval.compiled import borrowing
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
 from hapticeval.laws import LawData, law_data
 from hapticeval.pulse import PENDING_SIZE, pending_memory
-from hapticeval.recordings.recording import path_velocities
-from hapticeval.renderer import RANGE_WORDS, Answers, CompiledStep, Declaration, Response, Spring
+from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.types import Array, IntArray
 from hapticeval.workers import describe_exit
 
 HEADER = Path(__file__).with_name("hapticeval.h")
@@ -255,9 +254,6 @@ def _load(path: Path) -> ctypes.CDLL:
     library.hr_destroy.argtypes, library.hr_destroy.restype = [c_void_p], None
     for name in ("hr_info_get", "hr_create", "hr_reset", "hr_step"):
         getattr(library, name).restype = c_int32
-    if hasattr(library, "hr_run"):
-        library.hr_run.argtypes = [c_void_p, c_uint32, point, point, c_double, point, point]
-        library.hr_run.restype = c_int32
     return library
 
 
@@ -336,10 +332,9 @@ def _declaration(info: Info, answer: InfoStruct) -> Declaration:
 
 
 class LibraryRenderer:
-    """A renderer of a library: `step`, `run` and compiled loops all call `hr_step`, and so agree to the last bit.
+    """A renderer of a library: `step` and compiled loops both call `hr_step`, and so agree to the last bit.
 
-    `run` calls the library's `hr_run` instead where it has one. `contact` is whether the last `step` gave HR_CONTACT,
-    after a `run` that of each tick (n,), and None after `hr_run`, which does not report it.
+    `contact` is whether the last `step` gave HR_CONTACT.
     """
 
     def __init__(self, library: ctypes.CDLL, info: Info, outside: Outside) -> None:
@@ -373,7 +368,7 @@ class LibraryRenderer:
         state = np.zeros(len(pending)) if isinstance(pending, list) else np.frombuffer(pending)  # type: ignore[call-overload]
         data = law_data(addresses.view(np.float64))._replace(state=state)
         self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSAL}, contact=state[ANSWER:])
-        self.contact: bool | BoolArray | None = False
+        self.contact = False
 
     def _create(self) -> None:
         """Give the library the scene and its facets. Raises `RefusalError` and `RendererError`."""
@@ -425,30 +420,6 @@ class LibraryRenderer:
             self._refuse("hr_step", answer, hip)
         return Response(ihip, force)
 
-    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """Follow a path from a reset, `hips` (n, N), m, in steps of `dt` (s); return IHIPs, m, and forces, N, (n, N).
-
-        Raises `DomainError` where `reset` does, and `RuntimeError` where a tick cannot be answered: single steps tell.
-        """
-        hips = np.array(hips, dtype=np.float64, order="C")
-        velocities, answers = path_velocities(hips, dt), Answers.room(hips)
-        self.reset(hips[0])
-        self.contact = None
-        if hasattr(self._library, "hr_run"):
-            answers.ihip[:], answers.force[:] = np.nan, np.nan
-            addresses = (array.ctypes.data for array in (hips, velocities))
-            status = self._library.hr_run(
-                self._self, len(hips), *addresses, dt, answers.ihip.ctypes.data, answers.force.ctypes.data
-            )  # fmt: skip
-            if status:
-                raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
-        else:
-            _, number = self.law.lead(hips, velocities, np.full(len(hips), dt), answers)
-            if number:
-                raise RuntimeError(f"hr_step returned {self.law.data.state[ANSWER]:.0f}")
-            self.contact = answers.contact != 0.0
-        return answers.ihip, answers.force
-
     def time_steps(self, hips: Array, velocities: Array, dt: float) -> IntArray | None:
         """Return how long steps at `hips` (n, N), m, with `velocities` (n, N), m/s, take in a compiled loop: (n,), ns.
 
@@ -473,7 +444,3 @@ class LibraryRenderer:
         raise RendererError(
             f"the library's {function}() returned {status}", why="it is below 0, or none of the header's: it broke"
         )
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
-        """Refuse: a copy would be the same state of the library once more."""
-        raise TypeError("a library's renderer cannot be copied")

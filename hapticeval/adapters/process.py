@@ -21,17 +21,15 @@ import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import pairwise
 from typing import IO, Any, NoReturn, cast
 
 import numpy as np
 
 from hapticeval.adapters.outside import Outside
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
-from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import RANGE_WORDS, Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array
 from hapticeval.workers import describe_exit
 
 VERSION = 1
@@ -40,9 +38,8 @@ VERSION = 1
 STARTING = ("hello", "scene")
 """Calls with which a process begins."""
 
-START_PATIENCE, ANSWER_PATIENCE, TICK_PATIENCE = 60.0, 20.0, 0.02
-"""Seconds that a child has for its hello, while a large program loads; for another answer; and more for each tick of a
-path."""
+START_PATIENCE, ANSWER_PATIENCE = 60.0, 20.0
+"""Seconds that a child has for its hello, while a large program loads, and for another answer."""
 
 HUNG_PATIENCE = 2.0
 """Seconds for an answer once a process of that command has hung, or twice its longest answer. *Chosen*."""
@@ -50,8 +47,8 @@ HUNG_PATIENCE = 2.0
 GRACE = 1.0
 """Seconds that a child has to end after bye."""
 
-ANSWER_BYTES, NUMBER_BYTES = 1 << 20, 64
-"""Bytes that an answer may have, and more for each number of a path: what prints without end is no answer."""
+ANSWER_BYTES = 1 << 20
+"""Bytes that an answer may have: what prints without end is no answer."""
 
 EXCERPT_LENGTH = 300
 """Characters of an odd answer that an error shows."""
@@ -115,7 +112,7 @@ class Child:
         """Whether it was ended for what it did, and answers no more."""
         return self._failure is not None
 
-    def ask(self, call: str, patience: float, *, most_bytes: int = ANSWER_BYTES, **entries: Any) -> dict[str, Any]:
+    def ask(self, call: str, patience: float, **entries: Any) -> dict[str, Any]:
         """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
 
         Lines before the answer to hello that are no JSON are left out: programs greet.
@@ -128,7 +125,7 @@ class Child:
         begun = time.monotonic()
         deadline = begun + patience
         while True:
-            line = self._exchange(message, call, deadline, patience, most_bytes)
+            line = self._exchange(message, call, deadline, patience)
             # It is written by now: further turns only read on.
             message = b""
             try:
@@ -151,7 +148,7 @@ class Child:
             self.fail(f"reports an error in '{call}': {_excerpt(answer['error'])}")
         return answer
 
-    def _exchange(self, message: bytes, call: str, deadline: float, patience: float, most_bytes: int) -> bytes:
+    def _exchange(self, message: bytes, call: str, deadline: float, patience: float) -> bytes:
         """Write a message and read a line, both at once: a child may begin to answer before it has read all."""
         with selectors.DefaultSelector() as ready:
             ready.register(self._out, selectors.EVENT_READ)
@@ -179,9 +176,9 @@ class Child:
                     # the end of its stdout
                     if not chunk:
                         self._died(call)
-                    if len(self._pending) > most_bytes:
+                    if len(self._pending) > ANSWER_BYTES:
                         self.fail(
-                            f"prints more than {most_bytes} bytes in answer to '{call}'",
+                            f"prints more than {ANSWER_BYTES} bytes in answer to '{call}'",
                             todo="print one line for each message",
                         )
         # What follows the newline belongs to the next answer.
@@ -282,7 +279,6 @@ class Hello:
     force_only: bool = False
     memoryless: bool = False
     smooth_only: bool = False
-    run: bool = False
     name: str = ""
 
 
@@ -345,7 +341,7 @@ def _say_hello(child: Child) -> Hello:
         )
     lengths = _read_lengths(child, answer, "max_error")
     name = _excerpt(answer.get("name", ""))
-    flags = {flag: bool(answer.get(flag)) for flag in ("spring", "force_only", "memoryless", "smooth_only", "run")}
+    flags = {flag: bool(answer.get(flag)) for flag in ("spring", "force_only", "memoryless", "smooth_only")}
     return Hello(frozenset(supports), lengths["max_error"], name=name, **flags)
 
 
@@ -382,21 +378,19 @@ def _declaration(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Decla
 class ProcessRenderer:
     """A renderer that is a process, asked over its stdin and stdout.
 
-    `contact` is whether its last answer reported contact, after a `run` or `lead` for each row (n,); None where it did
-    not say.
+    `contact` is whether its last answer reported contact; None where it did not say.
     """
 
     def __init__(self, factory: ProcessFactory, scene: Scene) -> None:
         hello = factory.hello
         self._factory, self._outside = factory, Outside(scene, hello.max_error)
-        self.contact: bool | BoolArray | None = None
+        self.contact: bool | None = None
         self._child, answer = self._start()
         lengths = _read_lengths(self._child, answer, "standoff", "resolution")
         self._margin = lengths["standoff"]
         # Attributes that a renderer has only where they hold: see `Outside.lengths`.
         self.__dict__.update(self._outside.lengths(**lengths))
         self.declares = _declaration(self._child, hello, answer)
-        self._batch = hello.run
         self.supports = hello.supports
 
     def _start(self) -> tuple[Child, dict[str, Any]]:
@@ -444,47 +438,6 @@ class ProcessRenderer:
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
 
-    @property
-    def run(self) -> Callable[[Array, float], tuple[Array, Array]] | None:
-        """What follows a path from a reset: HIPs (n, N), m, and dt, s, to IHIPs, m, and forces, N; None if none."""
-        return self._run if self._batch else None
-
-    @property
-    def lead(self) -> Callable[[Array, Array, Array], tuple[Array, Array]] | None:
-        """What goes on from the last tick: HIPs, m, and velocities, m/s, (n, N), and dt (n,), s; None if none."""
-        return self._lead if self._batch else None
-
-    def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        self.reset(hips[0])
-        return self._ask_stretch(hips, path_velocities(hips, dt), dt)
-
-    def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
-        # A run of the protocol has one time step: a message for each stretch of equal dt.
-        stretch_starts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
-        answers, contacts = [], []
-        for first, end in pairwise(stretch_starts):
-            answers.append(self._ask_stretch(hips[first:end], velocities[first:end], float(dt[first])))
-            contacts.append(self.contact)
-        ihips, forces = (np.concatenate(column) for column in zip(*answers, strict=True))
-        # Contact is known of the whole only where each stretch reports it.
-        known_contacts = [contact for contact in contacts if isinstance(contact, np.ndarray)]
-        self.contact = np.concatenate(known_contacts) if len(known_contacts) == len(contacts) else None
-        return ihips, forces
-
-    def _ask_stretch(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
-        """Return IHIPs (n, N), m, and forces (n, N), N, along HIPs (n, N), m, in equal steps of `dt` (s)."""
-        # An answer has IHIPs and forces: two numbers for each of the HIPs' coordinates.
-        patience = self._factory.patience.seconds + TICK_PATIENCE * len(hips)
-        most_bytes = ANSWER_BYTES + 2 * NUMBER_BYTES * hips.size
-        entries = {"hips": _plain(hips), "velocities": _plain(velocities), "dt": float(dt)}
-        answer = self._child.ask("run", patience, most_bytes=most_bytes, **entries)
-        self._check_refusal(answer, hips[0])
-        ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))
-        self.contact = None
-        if "contact" in answer:
-            self.contact = self._numbers(answer, "contact", hips.shape[:1]) != 0.0
-        return ihips, forces
-
     def _check_refusal(self, answer: Mapping[str, Any], hip: Array) -> None:
         """Raise `DomainError` where an answer refuses the `hip` (N,), m."""
         if "refuse" in answer:
@@ -498,12 +451,6 @@ class ProcessRenderer:
             self._child.fail(f"answers without '{name}'", why=f"the answer has {', '.join(answer)}")
         except (TypeError, ValueError):
             self._child.fail(f"answers {name} = {_excerpt(answer[name])}", why="it is a list of numbers")
-        if len(shape) == 2 and shape[0] == 1 and numbers.size == shape[1]:
-            numbers = numbers.reshape(shape)  # some languages write a single row so
         if numbers.shape != shape:
             self._child.fail(f"answers {name} of shape {numbers.shape}", why=f"the HIP has {shape}")
         return numbers
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
-        """Refuse: a copy would be the same process once more."""
-        raise TypeError("a renderer in a process cannot be copied")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hapticeval.hardware.live import LiveRun
     from hapticeval.hardware.wiring import Wiring
     from hapticeval.recordings.recorder import Recorder, Summary
-    from hapticeval.renderer import Renderer
+    from hapticeval.renderer import WrappedRenderer
     from hapticeval.scene import Scene
 
 TWIN = "twin"
@@ -108,7 +108,6 @@ def record(
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
     from hapticeval.hardware.live import warm
-    from hapticeval.renderer import abilities_of
 
     journal = _journal_of(output)
     wired = _wiring_of(hardware, robot, wiring)
@@ -120,7 +119,7 @@ def record(
     simulated = hardware == TWIN and not real_time
     meta = {
         **_recording_meta(scene, wired, renderer, hardware=hardware, who=who, simulated=simulated),
-        **abilities_of(chosen_renderer).meta,
+        **chosen_renderer.meta,
     }
     opener = _hardware_opener(hardware, wired, scene, simulated=simulated)
     session = _Session(wired, scene, chosen_renderer, meta, max(1, round(seconds * rate)), simulated, refuse_above)
@@ -146,14 +145,13 @@ def _journal_of(output: Path) -> Path:
     return journal
 
 
-def _renderer_on_hardware(name: str, scene: Scene) -> Renderer:
+def _renderer_on_hardware(name: str, scene: Scene) -> WrappedRenderer:
     """Make the renderer. Raises `InputError` for one that answers a whole stimulus and no single step."""
     from hapticeval.discovery import resolve
-    from hapticeval.renderer import Renderer
     from hapticeval.simulation.answers import make_renderer
 
     renderer = make_renderer(resolve(name), scene)
-    if not isinstance(renderer, Renderer):
+    if not renderer.steps:
         raise InputError(
             f"'{name}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
@@ -180,7 +178,7 @@ class _Session:
 
     wiring: Wiring
     scene: Scene
-    renderer: Renderer
+    renderer: WrappedRenderer
     meta: dict[str, Any]
     cycles: int
     simulated: bool

@@ -17,7 +17,6 @@ from hapticeval.quantity import plural
 from hapticeval.recordings.integrity.relations import lagged
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
-from hapticeval.renderer import Renderer
 from hapticeval.replay.rerender import concatenated, hand_path, rerender
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
@@ -163,7 +162,7 @@ def as_recorded(replay_case: ReplayCase, renderers: Sequence[str] = ()) -> AsRec
     renderer = make_renderer(
         resolve(names[0]) if renderers else resolve_installed(names[0], source=replay_case.file), scene
     )
-    if not isinstance(renderer, Renderer):
+    if not renderer.steps:
         raise InputError(
             f"'{names[0]}' cannot be computed again from {replay_case.file}",
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",

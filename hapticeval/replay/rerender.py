@@ -12,7 +12,7 @@ from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps, stretches
-from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import AnyRenderer, WrappedRenderer, wrapped
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import simulate_checked
@@ -122,7 +122,7 @@ class Part:
     ended: str = ""
 
 
-def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
+def rerender(renderer: AnyRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
     """Return the renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
     With a `scene`, a hand that starts inside its model is led in first, see `playback.lead_in_path`.
@@ -132,7 +132,7 @@ def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Sce
     ends the stretch, and the error goes on only where nothing of the path is answered. Raises `RendererError` where
     the renderer breaks, with the recording's own row as the tick.
     """
-    parts: list[Part] = []
+    renderer, parts = wrapped(renderer), list[Part]()
     left: DomainError | None = None
     for stretch in path.stretches:
         try:
@@ -144,21 +144,16 @@ def rerender(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Sce
     return tuple(parts)
 
 
-def _rerender_stretch(
-    renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene | None
-) -> Part:
+def _rerender_stretch(renderer: WrappedRenderer, path: HandPath, stretch: Stretch, scene: Scene | None) -> Part:
     """Return the renderer's answers along one stretch, or, where it is led out of its domain, up to there."""
     rows = stretch.rows
     time, hip, velocity = path.recording.time[rows], path.hip[rows], path.velocity(stretch)
     dt = steps(path.recording, stretch) if path.dt is None else path.dt
-    if not isinstance(renderer, Renderer):
+    if not renderer.steps:
         return Part(stretch, _simulate_recorded(renderer, time, hip, dt))
     # N: what a force sensor gave, for renderers that are driven by force.
     felt = path.recording.channels.get("measured_force")
     pushes = None if felt is None else felt[rows]
-    # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
-    if isinstance(dt, float) and not np.array_equal(velocity, backward_difference(hip, time)):
-        dt = np.full(time.size, dt)
 
     def led(count: int, dt: float | Array) -> Recording:
         """Lead the renderer along the first `count` rows, with steps of `dt` s: one, or (count,)."""
@@ -180,13 +175,12 @@ def _rerender_stretch(
         )
 
 
-def rerender_backwards(
-    renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene
-) -> Recording:
+def rerender_backwards(renderer: AnyRenderer, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
     """Return the answers to the same HIPs in the opposite order, each step as long as it was."""
     time, hip = path.recording.time[stretch.rows], path.hip[stretch.rows][::-1]
     back, dt = time[-1] - time[::-1], steps(path.recording, stretch)
-    if not isinstance(renderer, Renderer):
+    renderer = wrapped(renderer)
+    if not renderer.steps:
         return _simulate_recorded(renderer, back, hip, dt)
     if not isinstance(dt, float):
         # Backwards the steps come in the opposite order; the first sample has none before it.
@@ -195,7 +189,7 @@ def rerender_backwards(
 
 
 def _play_recorded(
-    renderer: Renderer,
+    renderer: WrappedRenderer,
     time: Array,
     hip: Array,
     velocity: Array,
@@ -206,10 +200,10 @@ def _play_recorded(
 ) -> Recording:
     answers = run_path(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
     channels = {"hip": hip, **channels_of(answers), "velocity": velocity}
-    return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
+    return Recording(time, channels, {"source": "replay", **renderer.meta, "dt": float(np.median(dt))})
 
 
-def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
+def _simulate_recorded(renderer: WrappedRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
     """Return the answer of a renderer that takes a stimulus whole: straight lines between the recorded samples.
 
     Raises `RefusalError` on a clock that is not regular, and `RendererError` for another number of samples.
@@ -227,7 +221,7 @@ def _simulate_recorded(renderer: TrajectoryRenderer, time: Array, hip: Array, dt
             f"the renderer's simulate() gave {len(answer)} samples for {time.size}",
             why="a replay needs an answer at every recorded sample",
         )
-    meta = {**answer.meta, "source": "replay", **abilities_of(renderer).meta, "dt": dt}
+    meta = {**answer.meta, "source": "replay", **renderer.meta, "dt": dt}
     return Recording(time, answer.channels, meta, events=answer.events)
 
 

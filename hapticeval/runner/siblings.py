@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -12,36 +12,24 @@ from hapticeval.closed_forms import form_of
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import RefusalError
-from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import RendererFactory, WrappedRenderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import ask_without_hip, timed_steps
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import compare_batch, play, play_in_turns, play_while_defined
+from hapticeval.simulation.playback import hold_law_to_step, play, play_in_turns, play_while_defined
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
 
 FEWEST_TIMED_STEPS = 100
 """Steps whose median says how long one takes: what is compiled on first use slows the first of them alone."""
-
-OF_ANY = ("pieces", "refine", "again", "moved")
-OF_LOOPS = ("at_speed", "closed_form")
-OF_EXACT_LOOPS = ("without",)
-OF_PATHS = ("reverse", "look", "without", "reordered", "cut", "in_turns")
-OF_TICKS = ("subdivided", "led_on", "dropped_out")
-"""Siblings by what they can be made of: any stimulus, a closed loop, one whose recorded HIPs ask the renderer the same
-again (`_answers_the_hip`), a given path, and one that is answered in ticks.
-
-`SiblingRuns` has each by its name. A closed loop cannot be led backwards: its forces decide where the hand goes.
-"""
 
 
 class SiblingRuns:
@@ -56,7 +44,7 @@ class SiblingRuns:
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.factory, self.scene = factory, scene
         # By motion: checks ask for several nudges of one, and preparing a renderer may take seconds.
-        self._moved: dict[Motion, tuple[Scene, Renderer | TrajectoryRenderer | None]] = {}
+        self._moved: dict[Motion, tuple[Scene, WrappedRenderer | None]] = {}
         self.simulated = 0.0
         self.step_seconds: float | None = None
         self.renderer = make_renderer(factory, scene)
@@ -69,7 +57,7 @@ class SiblingRuns:
 
     def _record(
         self,
-        renderer: Renderer | TrajectoryRenderer,
+        renderer: WrappedRenderer,
         scene: Scene,
         stimulus: Stimulus,
         dt: float,
@@ -85,38 +73,55 @@ class SiblingRuns:
         return recording
 
     def runs(self) -> Runs:
-        """Return the base recording, with its siblings, further recordings that a check may ask for, made on demand."""
+        """Return the base recording, with its siblings, further recordings that a check may ask for, made on demand.
+
+        Raises `RendererError` where the renderer's compiled step answers other than its `step`.
+        """
         with timed_steps() as seconds:
             self.base = base = self.record(self.stimulus, self.scene.sampling_time, lead=play_while_defined)
         if len(seconds) >= FEWEST_TIMED_STEPS:
             self.step_seconds = float(np.median(seconds))
-        # The law has left its domain: siblings follow only the HIPs that it has answered.
-        if isinstance(self.stimulus, Path) and "ended" in base.meta:
-            self.stimulus = Path(base.time, base.hip)
-        names = list(OF_ANY)
+        hold_law_to_step(self.renderer, base, contact=Observed(base, self.scene).contact)
         if isinstance(self.stimulus, Experiment):
-            names += [*OF_LOOPS, *(OF_EXACT_LOOPS if _answers_the_hip(self.scene) else ())]
-        else:
-            names += [*OF_PATHS, *(OF_TICKS if isinstance(self.renderer, Renderer) else ())]
-        siblings: dict[str, Any] = {name: getattr(self, name) for name in names}
-        return Runs(base, **siblings).remembered()
+            return self._runs_of_loop().remembered()
+        # The law has left its domain: siblings follow only the HIPs that it has answered.
+        if "ended" in base.meta:
+            self.stimulus = Path(base.time, base.hip)
+        return self._runs_of_path().remembered()
 
-    @property
-    def pieces(self) -> Boundary | None:
-        """The edges or triangles that the renderer was given; see `Runs.pieces`."""
-        return abilities_of(self.renderer).pieces
+    def _runs_of_loop(self) -> Runs:
+        """Return a closed loop with its siblings. It cannot be led backwards: its forces decide where the hand goes."""
+        return Runs(
+            self.base,
+            refine=self.refine,
+            again=self.again,
+            moved=self.moved,
+            pieces=self.renderer.pieces,
+            at_speed=self.at_speed,
+            closed_form=self.closed_form,
+            # along the recorded HIPs, where these ask the renderer the same again
+            without=self.without if _answers_the_hip(self.scene) else None,
+        )
 
-    @property
-    def look(self) -> Closeup | None:
-        """What asks the renderer again anywhere along a path; None for one that answers a path as a whole.
-
-        It asks by `step`, and the base recording may be of `run`: raises `RendererError` where the two disagree.
-        """
-        if not isinstance(self.renderer, Renderer):
-            return None
-        contact, scene = Observed(self.base, self.scene).contact, self.scene
-        compare_batch(self.renderer, self.base, contact=contact, stiffness=scene.stiffness, damping=scene.damping)
-        return Closeup.of(self.renderer, self.base, self.scene)
+    def _runs_of_path(self) -> Runs:
+        """Return a path with its siblings; some are of one that is answered in ticks alone."""
+        in_ticks = self.renderer.steps
+        return Runs(
+            self.base,
+            refine=self.refine,
+            again=self.again,
+            moved=self.moved,
+            pieces=self.renderer.pieces,
+            reverse=self.reverse,
+            without=self.without,
+            reordered=self.reordered,
+            cut=self.cut,
+            in_turns=self.in_turns,
+            look=Closeup.of(self.renderer, self.base, self.scene) if in_ticks else None,
+            subdivided=self.subdivided if in_ticks else None,
+            led_on=self.led_on if in_ticks else None,
+            dropped_out=self.dropped_out if in_ticks else None,
+        )
 
     def refine(self, factor: int) -> Recording:
         """Record the stimulus at a higher sampling rate; see `Runs.refine`."""
@@ -170,7 +175,7 @@ class SiblingRuns:
         """Ask for a tick without a HIP, and for the one after it; see `Runs.dropped_out`."""
         dt, hips = self.scene.sampling_time, self.path().points
         self.record(Path(dt * np.arange(tick, dtype=np.float64), hips[:tick]), dt)
-        return ask_without_hip(cast("Renderer", self.renderer), hips[tick], dt)
+        return ask_without_hip(self.renderer, hips[tick], dt)
 
     def subdivided(self) -> Recording:
         """Record the path with another HIP half way between each two, at half the time step; see `Runs.subdivided`."""
@@ -203,7 +208,7 @@ class SiblingRuns:
         else:
             backward_path = Path(backward_path.time, half_size(backward_path.points))
         # Tick by tick where both step, else one whole path after the other.
-        if isinstance(self.renderer, Renderer) and isinstance(other, Renderer):
+        if self.renderer.steps and other.steps:
             recording = play_in_turns((self.renderer, path, self.scene), (other, backward_path, scene), dt)
         else:
             play(other, backward_path, dt, scene=scene)
@@ -214,7 +219,7 @@ class SiblingRuns:
     def path(self) -> Path:
         """Return the path, sampled at the scene's rate unless the renderer answers a path as a whole."""
         path = cast("Path", self.stimulus)
-        return Path(*path.sampled(self.scene.sampling_time)) if isinstance(self.renderer, Renderer) else path
+        return Path(*path.sampled(self.scene.sampling_time)) if self.renderer.steps else path
 
     def _moved_stimulus(self, motion: Motion, nudge: Array) -> Stimulus:
         """Return the stimulus, shifted by `nudge` (N,), m, and then moved with the scene."""
@@ -223,7 +228,7 @@ class SiblingRuns:
         path = self.path()
         return Path(path.time, motion(path.points + nudge))
 
-    def _played(self, renderer: Renderer | TrajectoryRenderer, scene: Scene, stimulus: Stimulus) -> Recording | None:
+    def _played(self, renderer: WrappedRenderer, scene: Scene, stimulus: Stimulus) -> Recording | None:
         """Return what a renderer answers to a stimulus; None where it refuses, or ends an experiment early."""
         try:
             recording = self._record(renderer, scene, stimulus, scene.sampling_time)
@@ -232,7 +237,7 @@ class SiblingRuns:
         # An experiment that ended early is not comparable with the base recording.
         return None if "ended" in recording.meta else recording
 
-    def _with_model(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
+    def _with_model(self, model: Model | None) -> tuple[Scene, WrappedRenderer | None]:
         """Return the scene with another model and a renderer in it, None without a model or where it is refused."""
         if model is None:
             return self.scene, None
@@ -249,9 +254,9 @@ class SiblingRuns:
         return self._record(make_renderer(self.factory, scene), scene, path, scene.sampling_time)
 
 
-def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str | None:
+def _declared_form(renderer: WrappedRenderer, scene: Scene) -> str | None:
     """Return the name of the closed form that a renderer declares to be, where one of that name fits the scene."""
-    promise = abilities_of(renderer).declares
+    promise = renderer.declares
     form = None if promise is None or promise.closed_form is None else form_of(promise.closed_form, scene)
     return None if form is None else form.name
 

@@ -22,14 +22,12 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import plural
-from hapticeval.recordings.recording import path_velocities
-from hapticeval.renderer import Renderer
 from hapticeval.runner.work import seed_all
 from hapticeval.search.drawing import draw_cases, first_models
 from hapticeval.search.shrink import MOST_TRIALS, Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped, factory_of
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.playback import run_path
+from hapticeval.simulation.playback import answers_along
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
@@ -254,7 +252,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
     scene = case.build_scene()
     renderer_instance = make_renderer(factory_of(renderer), scene)
     path = case.build_stimulus(scene, renderer_instance)
-    if fault.time is None or not isinstance(renderer_instance, Renderer) or not isinstance(path, Path):
+    if fault.time is None or not renderer_instance.steps or not isinstance(path, Path):
         return None
     hips = path.sampled(scene.sampling_time)[1]
     tick = round(fault.time / scene.sampling_time)
@@ -263,8 +261,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         """Return the IHIP (N,), m, with the hand at rest at `hip` (N,), m, after the path up to sample `before`."""
         seed_all(seed)
         hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
-        velocity = path_velocities(hand_path, scene.sampling_time)
-        return np.asarray(run_path(renderer_instance, hand_path, velocity, scene.sampling_time, scene=scene).ihip[-1])
+        return np.asarray(answers_along(renderer_instance, hand_path, scene.sampling_time, scene=scene).ihip[-1])
 
     # Of a proxy that lags the hand has made the step before the IHIP jumps.
     for tick_after in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):

@@ -7,26 +7,22 @@ of the effects, in the order of the catalogue: the same compiled code from Pytho
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy, deepcopy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hapticeval.effects.effect import Effect, Part, Stage
 from hapticeval.errors import DomainError, RefusalError, in_m, renderer_errors
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.recordings.recording import path_velocities
 from hapticeval.renderer import (
-    Batch,
     CompiledStep,
-    Renderer,
     RendererFactory,
     Response,
-    TrajectoryRenderer,
-    abilities_of,
+    WrappedRenderer,
     check_support,
     choices_of,
+    wrapped,
 )
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -37,8 +33,8 @@ if TYPE_CHECKING:
     from hapticeval.recordings.recording import Recording
 
 
-def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:
-    """Return the renderer that a factory makes for a scene, with the scene's effects; all renderers are made here.
+def make_renderer(factory: RendererFactory, scene: Scene) -> WrappedRenderer:
+    """Return the renderer that a factory makes for a scene, with the scene's effects; all are made and wrapped here.
 
     Raises `RefusalError` where the scene asks for what neither factory nor renderer declares to support, and
     `RendererError` for what is no renderer.
@@ -48,31 +44,35 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
     if declared is not None:
         check_support(scene, declared)
     with renderer_errors("factory"):
-        renderer = factory(scene)
-    supports = abilities_of(renderer).supports
+        made = factory(scene)
+    renderer = wrapped(made)
     # Only the renderer itself could say what it supports; where it says nothing, it supports no extra.
     if declared is None:
-        check_support(scene, supports or frozenset())
+        check_support(scene, renderer.supports or frozenset())
     return with_effects(renderer, scene)
 
 
-def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Renderer | TrajectoryRenderer:
+def with_effects(renderer: WrappedRenderer, scene: Scene) -> WrappedRenderer:
     """Return a renderer that shows the surface effects of its scene: itself where there are none that it lacks.
 
     Raises `RefusalError` for a renderer that answers a stimulus whole: there is no answer to a tick to change.
     """
-    supported = abilities_of(renderer).supports or frozenset()
+    supported = renderer.supports or frozenset()
     missing = [effect for effect in scene.effects if effect.stage is Stage.ANSWER and effect.kind not in supported]
     if not missing:
         return renderer
-    if not isinstance(renderer, Renderer):
+    if not renderer.steps:
         kinds = ", ".join(effect.kind for effect in missing)
         raise RefusalError(
             f"the scene calls for {kinds}",
             why="the renderer answers a stimulus whole and does not declare to support that",
             todo="choose a renderer that answers tick by tick; one of your own that shows it declares it in supports",
         )
-    return Affected(renderer, missing, scene)
+    affected = Affected(renderer, missing, scene)
+    # What checks and loops ask of it is the renderer's own, but for its stiffness, which the effects change.
+    promise = renderer.declares
+    promise = None if promise is None else replace(promise, spring=None, stiffness_range=None)
+    return replace(renderer, renderer=affected, declares=promise, law=affected.law)
 
 
 REST_TICKS = 10
@@ -80,12 +80,12 @@ REST_TICKS = 10
 
 
 class Affected:
-    """A renderer with `effects` on its answers; what else it offers, but for a stiffness, is the renderer's."""
+    """A renderer with `effects` on its answers. `law` is its compiled step, where the renderer has one."""
 
-    def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
+    def __init__(self, renderer: WrappedRenderer, effects: Sequence[Effect], scene: Scene) -> None:
         from hapticeval.compiled import specialised
         from hapticeval.geometry.boundary import closest_of
-        from hapticeval.laws import EXITS_PER_EFFECT, change_rows
+        from hapticeval.laws import EXITS_PER_EFFECT, change_row
 
         self.base = renderer
         self.effects = tuple(effects)
@@ -104,13 +104,12 @@ class Affected:
         self._closest, self._changes = _compile_changes(parts, boundary)
         if self._compiled:
             # To look the types of nested arrays up takes a hundred times as long as a tick.
-            row = np.empty((1, scene.model.dimension))
-            self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
-        base = abilities_of(renderer)
-        # What checks and loops ask of a renderer is the base's, but for its stiffness, which the effects change.
-        declares = None if base.declares is None else replace(base.declares, spring=None, stiffness_range=None)
-        self.abilities = replace(base, run=True, lead=False, declares=declares, law=self._composed(base.law))
-        self.contact: Any = None
+            row = np.empty(scene.model.dimension)
+            self._change_row = specialised(change_row, self._changes, self._closest, row, row, 0.0, row, row)
+        else:  # the boundary is in Python, and so is all that asks it
+            self._change_row = getattr(change_row, "py_func", change_row)
+        self.law = self._composed(renderer.law)
+        self.contact: bool | None = None
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
@@ -124,41 +123,21 @@ class Affected:
         Raises `DomainError` where an effect is not defined.
         """
         ihip, force = self._bare_step(hip, velocity, dt)
-        self.contact = self._reported_contact()
-        hip, velocity = (np.array(vector, dtype=np.float64)[np.newaxis] for vector in (hip, velocity))
-        self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
+        self.contact = self.base.contact
+        hip, velocity = (np.array(vector, dtype=np.float64) for vector in (hip, velocity))
+        exit_number = self._change_row(self._changes, self._closest, hip, velocity, dt, ihip, force)
+        if exit_number:
+            words = self.domain_exits.get(exit_number, f"an effect's kernel returned {exit_number}")
+            raise DomainError(f"{words}: {in_m(hip)}")
         return Response(ihip, force)
-
-    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """Answer a whole path: `reset` at the first row of `hips` (n, N), m, and a `step` a row, every `dt` s.
-
-        Returns IHIPs (n, N), m, and forces (n, N), N. Raises as `step` does.
-        """
-        hips = np.array(hips, dtype=np.float64, order="C")
-        velocities = path_velocities(hips, dt)
-        self.reset(hips[0])
-        # all bare answers first, and then the changes: the base never sees what the effects make of them
-        if abilities_of(self.base).run:
-            answers = cast("Batch", self.base).run(hips.copy(), dt)
-            self.contact = self._reported_contact()
-        else:
-            steps = [
-                (*self._bare_step(hip, velocity, dt), self._reported_contact())
-                for hip, velocity in zip(hips, velocities, strict=True)
-            ]
-            answers = np.array([ihip for ihip, *_ in steps]), np.array([force for _, force, _ in steps])
-            self.contact = np.array([contact for *_, contact in steps])
-        ihips, forces = (np.array(rows, dtype=np.float64, order="C") for rows in answers)
-        self._change(hips, velocities, dt, ihips, forces)
-        return ihips, forces
 
     def observe_force(self, push: Array) -> None:
         """Hand the hand's measured force (N,), N, on; asked where the base observes it."""
-        self.base.observe_force(push)  # type: ignore[attr-defined]
+        self.base.observe_force(push)
 
     def diagnostics(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """Return the base's own channels of a run; asked where it has any."""
-        return self.base.diagnostics(recording)  # type: ignore[attr-defined, no-any-return]
+        return self.base.diagnostics(recording)
 
     def _bare_step(self, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
         """Return the bare answer, IHIP and force (N,), to a tick.
@@ -167,10 +146,6 @@ class Affected:
         """
         ihip, force = self.base.step(hip.copy(), velocity.copy(), dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
-
-    def _reported_contact(self) -> Any:
-        """Return what the renderer reports of the contact in its last answers."""
-        return self.base.contact if abilities_of(self.base).contact else None  # type: ignore[attr-defined]
 
     def _bare_answer(self, start: Array, hip: Array) -> tuple[Array, Array]:
         """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
@@ -181,22 +156,6 @@ class Affected:
             ihip, force = self.base.step(point.copy(), standstill, dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
-    def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
-        """Change answers (n, N) to `hips` (n, N) in place."""
-        from hapticeval.laws import change_row
-
-        changes_and_closest = self._changes, self._closest
-        if self._compiled:
-            row, exit_number = self._change_rows(*changes_and_closest, hips, velocities, dt, ihips, forces)
-        else:  # the boundary is in Python, and so is all that asks it
-            change_in_python = getattr(change_row, "py_func", change_row)
-            ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))
-            numbers = ((row, change_in_python(*changes_and_closest, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
-            row, exit_number = next((row_and_number for row_and_number in numbers if row_and_number[1]), (0, 0))
-        if exit_number:
-            words = self.domain_exits.get(exit_number, f"an effect's kernel returned {exit_number}")
-            raise DomainError(f"{words}: {in_m(hips[row])}")
-
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
         if law is None or not self._compiled:
             return None
@@ -205,17 +164,6 @@ class Affected:
         base = law_value(law.function, law.data)
         data: Any = Composed(base, law.data, self._changes, self._closest)
         return CompiledStep(answer, data, {**law.domain_exits, **self.domain_exits}, law.contact)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Copy what a tick changes, and share the rest, which nothing does."""
-        twin = copy(self)
-        twin.base = deepcopy(self.base, memo)
-        twin._changes = tuple(
-            change._replace(data=change.data._replace(state=change.data.state.copy())) for change in self._changes
-        )
-        # the law of the copy, not of the original
-        twin.abilities = replace(self.abilities, law=twin._composed(abilities_of(twin.base).law))
-        return twin
 
 
 def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:

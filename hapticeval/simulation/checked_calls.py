@@ -24,7 +24,7 @@ from hapticeval.errors import (
 from hapticeval.pulse import count_answer, note_pending
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import OWN_TOOL, Recording
-from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import Renderer, TrajectoryRenderer, WrappedRenderer
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array
 
@@ -32,17 +32,10 @@ CLOCK_ROUNDING = 1e-6
 """A share of the sampling time by which a clock may differ from what was asked: rounding."""
 
 
-def reported_contact(renderer: Renderer) -> float:
+def reported_contact(renderer: WrappedRenderer) -> float:
     """Return 1 where a renderer reports that its last step was in contact, 0 where not, and NaN where it is silent."""
-    report = getattr(renderer, "contact", None) if abilities_of(renderer).contact else None
-    return float(report) if isinstance(report, bool | np.bool_) else math.nan
-
-
-def reported_contacts(renderer: Renderer, count: int) -> Array:
-    """Return what a renderer reports of the answers of its last `run` or `lead`, (count,): `reported_contact`."""
-    report = np.asarray(getattr(renderer, "contact", None) if abilities_of(renderer).contact else None)
-    known = report.dtype == np.bool_ and report.shape == (count,)
-    return report.astype(np.float64) if known else np.full(count, np.nan)
+    report = renderer.contact
+    return math.nan if report is None else float(report)
 
 
 def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
@@ -97,13 +90,13 @@ def ask_without_hip(renderer: Renderer, hip: Array, dt: float) -> tuple[Array | 
     return force_for(nowhere, nowhere.copy()), force_for(hip.copy(), np.zeros_like(hip))
 
 
-def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
+def observe_force_checked(renderer: WrappedRenderer, tick: int, hip: Array, push: Array) -> None:
     """Call `renderer.observe_force(push)` with the measured `push` (N,), N, of a hand at `hip` (N,), m.
 
     Raises `RendererError` for what it raises.
     """
     with renderer_errors("observe_force()", tick=tick, hip=hip):
-        renderer.observe_force(push.copy())  # type: ignore[attr-defined]
+        renderer.observe_force(push.copy())
 
 
 _step_seconds: list[float] | None = None

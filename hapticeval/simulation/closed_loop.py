@@ -23,7 +23,7 @@ from hapticeval.errors import (
 )
 from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import AnyRenderer, CompiledStep, WrappedRenderer, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import (
     not_finite,
@@ -51,9 +51,7 @@ class _End(NamedTuple):
     error: DomainError | RunawayError
 
 
-def simulate_closed_loop(
-    renderer: Renderer | TrajectoryRenderer, experiment: Experiment, scene: Scene, dt: float
-) -> Recording:
+def simulate_closed_loop(renderer: AnyRenderer, experiment: Experiment, scene: Scene, dt: float) -> Recording:
     """Run `experiment` on the scene's robot, with the renderer sampled every `dt` seconds.
 
     A tick: the sensors are read, the renderer answers, the inner loop makes torques of its force, and the motors hold
@@ -76,7 +74,8 @@ def simulate_closed_loop(
     first tick, `InputError` for a start in another dimension than the device's, and `RendererError`, naming tick and
     HIP, when the renderer breaks.
     """
-    if not isinstance(renderer, Renderer):
+    renderer = wrapped(renderer)
+    if not renderer.steps:
         return simulate_checked(renderer, experiment, dt)
     device = scene.robot
     if experiment.dimension != device.dimension:
@@ -84,10 +83,9 @@ def simulate_closed_loop(
             f"the experiment is in {experiment.dimension}D, the {device.name} moves in {device.dimension}D",
             why="hand and device must move in the same space",
         )
-    law = abilities_of(renderer).law
-    if law is None and isinstance(device, PointMass) and _has_exact_integral(experiment, scene):
+    if renderer.law is None and isinstance(device, PointMass) and _has_exact_integral(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
-    return _drive_device(renderer, law, experiment, scene, dt)
+    return _drive_device(renderer, experiment, scene, dt)
 
 
 def _has_exact_integral(experiment: Experiment, scene: Scene) -> bool:
@@ -100,7 +98,7 @@ def _has_exact_integral(experiment: Experiment, scene: Scene) -> bool:
 
 
 def _drive_point_mass(
-    renderer: Renderer, experiment: Experiment, device: PointMass, dt: float, *, reach: float
+    renderer: WrappedRenderer, experiment: Experiment, device: PointMass, dt: float, *, reach: float
 ) -> Recording:
     """Run the plain case without kernels: with a small renderer in Python they would take longer than they save."""
     time = sample_times(experiment.duration, dt)
@@ -134,14 +132,12 @@ def _drive_point_mass(
     return _recording_of(renderer, experiment, time, channels, dt, end, contact)
 
 
-def _drive_device(
-    renderer: Renderer, law: CompiledStep | None, experiment: Experiment, scene: Scene, dt: float
-) -> Recording:
+def _drive_device(renderer: WrappedRenderer, experiment: Experiment, scene: Scene, dt: float) -> Recording:
     """Run any device with any effect in compiled kernels, and the renderer in its own compiled law where it has one."""
     from hapticeval.laws import law_value
     from hapticeval.simulation import kernels
 
-    time = sample_times(experiment.duration, dt)
+    time, law = sample_times(experiment.duration, dt), renderer.law
     loop = loop_of(experiment, scene, dt)
     out = loop.out
     out.contact[:] = np.nan  # unknown, until a renderer reports it
@@ -171,7 +167,7 @@ def _drive_device(
     return _recording_of(renderer, experiment, time, _channels_of(loop, scene), dt, end, out.contact[:, 0])
 
 
-def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
+def _ask_tick_by_tick(renderer: WrappedRenderer, loop: Loop, device: Device, dt: float) -> _End | None:
     """Run a loop with a renderer in Python; return where and why it ended before its time."""
     from hapticeval.compiled import specialised
     from hapticeval.simulation import kernels
@@ -179,7 +175,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     act_and_sense = specialised(kernels.act_and_sense, loop, 0)
     out, joints = loop.out, loop.state.joints
     hips, velocities, pushes = out.measured_hip, out.measured_velocity, out.measured_force
-    observes_force = loop.feeling is not None and abilities_of(renderer).observe_force
+    observes_force = loop.feeling is not None and renderer.observes_force
     for tick in range(out.hip.shape[0]):  # `loop_of` has sensed the first one
         if observes_force:
             observe_force_checked(renderer, tick, hips[tick], pushes[tick])
@@ -215,7 +211,7 @@ def _end_of_run(tick: int, error: DomainError | RunawayError) -> _End:
 
 
 def _recording_of(
-    renderer: Renderer,
+    renderer: WrappedRenderer,
     experiment: Experiment,
     time: Array,
     channels: Mapping[str, Array],
@@ -224,7 +220,7 @@ def _recording_of(
     contact: Array,
 ) -> Recording:
     meta: dict[str, Any] = {"source": "experiment", "dt": dt, "quiet_from": experiment.quiet_from}
-    meta |= abilities_of(renderer).meta
+    meta |= renderer.meta
     count = time.size
     if end is not None:
         count = end.tick
@@ -239,10 +235,10 @@ def _recording_of(
             meta["ended"]["ran_away"] = True
     kept_channels = {name: values[:count] for name, values in channels.items()} | contact_channel(contact[:count])
     recording = Recording(time[:count], kept_channels, meta=meta)
-    if not abilities_of(renderer).diagnostics:
+    if not renderer.has_diagnostics:
         return recording
     with renderer_errors("diagnostics()"):
-        added = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+        added = dict(renderer.diagnostics(recording))
     added_channels = {name: values for name, (_, values) in added.items()}
     signals = {name: signal for name, (signal, _) in added.items()}
     return Recording(recording.time, {**recording.channels, **added_channels}, meta=meta, signals=signals)

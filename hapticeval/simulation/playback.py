@@ -1,8 +1,8 @@
 """Playback (Figure 6.1): a renderer is led along a given HIP path, as if it came from the robot's encoders.
 
-Any way to answer along a given path is made of two loops: `laws.lead_by_law` over a compiled step, and one over
-`step` here. What a run had answered until its renderer raises is not kept; one that ends because the renderer leaves
-its domain keeps its rows, and the siblings that checks ask for are made along these.
+Whatever is led is led by `lead_on`: by a loop over the compiled step where the renderer has one, `laws.lead_by_law`,
+else by a loop over `step`. What a run had answered until its renderer raises is not kept; one that ends because the
+renderer leaves its domain keeps its rows, and the siblings that checks ask for are made along these.
 """
 
 from __future__ import annotations
@@ -10,29 +10,21 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple, cast
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.errors import (
-    DomainError,
-    HapticevalError,
-    RefusalError,
-    RendererError,
-    blame_renderer,
-    renderer_errors,
-)
+from hapticeval.errors import DomainError, RendererError
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.pulse import count_answer, note_run
-from hapticeval.recordings.recording import Recording, backward_difference, single_rounding
-from hapticeval.renderer import Answers, Batch, Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.pulse import note_run
+from hapticeval.recordings.recording import Recording, backward_difference, path_velocities
+from hapticeval.renderer import AnyRenderer, CompiledStep, WrappedRenderer, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import (
     not_finite,
     observe_force_checked,
     reported_contact,
-    reported_contacts,
     reset_checked,
     simulate_checked,
     step_checked,
@@ -50,30 +42,30 @@ LEAD_IN_REST_TICKS = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
 
 
-def play(renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
+def play(renderer: AnyRenderer, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
     """Return a renderer's answers along `path`, sampled every `dt` s; with a `scene` led in first: see `run_path`.
 
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
     number that is not finite, and `DomainError` where it is led out of where it is defined.
     """
-    if not isinstance(renderer, Renderer):
+    renderer = wrapped(renderer)
+    if not renderer.steps:
         return simulate_checked(renderer, path, dt)
     return _play(renderer, *path.sampled(dt), dt, scene)
 
 
-def play_while_defined(
-    renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scene: Scene | None = None
-) -> Recording:
+def play_while_defined(renderer: AnyRenderer, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
     """Return the answers along `path` as `play` does, up to where the renderer is led out of where it is defined.
 
     As in a closed loop `meta["ended"]` then says at which `tick` and `time`, `what` and `why`, and the recording holds
     what was before that tick. Raises `DomainError` where that is less than two samples, and of a renderer that
     answers a stimulus whole.
     """
+    renderer = wrapped(renderer)
     try:
         return play(renderer, path, dt, scene=scene)
     except DomainError as error:
-        if not isinstance(renderer, Renderer):
+        if not renderer.steps:
             raise
         time, hips = path.sampled(dt)
         count = rows_defined(lambda rows: _play(renderer, time[:rows], hips[:rows], dt, scene), time.size)
@@ -101,15 +93,37 @@ def rows_defined(lead: Callable[[int], object], count: int) -> int:
     return bisect_left(range(1, count), True, key=leaves)
 
 
-def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene | None) -> Recording:
+def _play(renderer: WrappedRenderer, time: Array, hips: Array, dt: float, scene: Scene | None) -> Recording:
     velocity = backward_difference(hips, time)
     answers = run_path(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, **channels_of(answers), "velocity": velocity}
-    meta = {"source": "playback", "dt": dt, **abilities_of(renderer).meta}
+    meta = {"source": "playback", "dt": dt, **renderer.meta}
     # How many steps a log that the renderer keeps itself has before the first row.
     if ticks := len(lead_in_path(renderer, hips, scene)):
         meta["lead_in_ticks"] = ticks
     return Recording(time, channels, meta=meta)
+
+
+class Answers(NamedTuple):
+    """Answers to HIPs: IHIPs (n, N), m; forces (n, N), N; and (n,) whether contact is reported, NaN where unknown."""
+
+    ihip: Array
+    force: Array
+    contact: Array
+
+    @classmethod
+    def room(cls, hips: Array) -> Answers:
+        """Return room for the answers to HIPs (n, N), m, of which nothing is known yet."""
+        return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
+
+    def part(self, rows: slice) -> Answers:
+        """Return some of the rows."""
+        return Answers(*(column[rows] for column in self))
+
+    def write(self, first: int, others: Answers) -> None:
+        """Write other answers from row `first` on."""
+        for column, values in zip(self, others, strict=True):
+            column[first : first + len(values)] = values
 
 
 class Rows(NamedTuple):
@@ -149,7 +163,7 @@ def contact_channel(contact: Array) -> dict[str, Array]:
 
 
 def run_path(
-    renderer: Renderer,
+    renderer: AnyRenderer,
     hips: Array,
     velocity: Array,
     dt: float | Array,
@@ -163,34 +177,36 @@ def run_path(
     With a `scene`, a hand that would start inside its model is led in first: see `lead_in_path`. These ticks are no
     part of the answer.
 
-    With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
-    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N).
-
-    One that feels is given the measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from
-    `first` on.
+    `velocity` (n, N), m/s, is the hand's, and `dt`, one or (n,), s, what the ticks last. One that feels is given the
+    measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
-    abilities = abilities_of(renderer)
-    one_step = not isinstance(dt, np.ndarray)
+    renderer = wrapped(renderer)
     # the hand starts inside: it is led in at the path's median rate
     lead_in = lead_in_rows(renderer, hips, float(np.median(dt)), scene)
     count = lead_in.dt.size
     rows = lead_in.followed_by(Rows(hips, velocity, np.broadcast_to(dt, len(hips))))
-    if pushes is not None and abilities.observe_force:
-        answers = _step_by_step(renderer, rows, first, count, np.vstack([np.zeros_like(lead_in.hip), pushes]))
-    elif abilities.run and one_step:
-        answers = _all_at_once(renderer, rows, first, count)
-    else:
-        answers = _step_by_step(renderer, rows, first, count)
+    felt = None if pushes is None else np.vstack([np.zeros_like(lead_in.hip), pushes])
+    reset_checked(renderer, rows.hip[0])
+    answers = lead_on(renderer, rows, Ticks(first, ahead=count), from_reset=True, pushes=felt)
     return answers.part(slice(count, None))
 
 
-def lead_in_rows(renderer: object, hips: Array, dt: float, scene: Scene | None) -> Rows:
+def answers_along(renderer: AnyRenderer, hips: Array, dt: float, *, scene: Scene | None = None) -> Answers:
+    """Return the answers of a renderer that is reset at the first of `hips` (n, N), m, and led on every `dt` (s).
+
+    The velocities are a recording's. With a `scene` it is led in first, see `run_path`.
+    """
+    hips = np.asarray(hips, dtype=np.float64)
+    return run_path(renderer, hips, path_velocities(hips, dt), dt, scene=scene)
+
+
+def lead_in_rows(renderer: WrappedRenderer, hips: Array, dt: float, scene: Scene | None) -> Rows:
     """Return the ticks of `lead_in_path` to the first of `hips` (n, N), m, one every `dt` (s)."""
     lead_in = lead_in_path(renderer, hips, scene)
     return Rows(lead_in, np.diff(lead_in, axis=0, prepend=lead_in[:1]) / dt, np.full(len(lead_in), dt))
 
 
-def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
+def lead_in_path(renderer: WrappedRenderer, hips: Array, scene: Scene | None) -> Array:
     """Return HIPs (m, N), m, that lead a hand from free space to the first of `hips` (n, N), m, if that is inside.
 
     Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path or
@@ -202,7 +218,7 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     nothing = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
         return nothing
-    boundary: Boundary = abilities_of(renderer).surface or scene.model.boundary
+    boundary: Boundary = renderer.surface or scene.model.boundary
     start = hips[0]
     frame = boundary.closest_point(start[np.newaxis])
     depth = -float(frame.distance[0])
@@ -212,7 +228,7 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or LEAD_IN_SHARE * scene.model.size
     outwards = (frame.foot[0] - start) / depth
     # beyond the surface, by as much as the renderer's own may stray; else, in a narrow notch, on it
-    outside = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
+    outside = frame.foot[0] + (renderer.standoff + pace) * outwards
     if not boundary.signed_distance(outside[np.newaxis])[0] > 0.0:
         outside = frame.foot[0]
     ticks = min(math.ceil(float(np.linalg.norm(start - outside)) / pace), MOST_LEAD_IN_TICKS)
@@ -222,144 +238,10 @@ def lead_in_path(renderer: object, hips: Array, scene: Scene | None) -> Array:
     )
 
 
-def _all_at_once(renderer: Renderer, rows: Rows, first: int, ahead: int = 0) -> Answers:
-    """Answer rows of one `dt` from a reset by `run`; the `ahead` rows of the way in count as tick `first`."""
-    hips = rows.hip
-    with renderer_errors(
-        "run()",
-        tick=first,
-        hip=hips[0],
-        why="its step() takes the same path without an error",
-        todo="make run() equal to reset() and a step() a row",
-    ):
-        note_run(first - ahead)
-        try:
-            answer = cast("Batch", renderer).run(hips.copy(), float(rows.dt[0]))
-            ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
-            count_answer()
-        except (Exception, SystemExit) as error:
-            if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
-                raise
-            # A batch does not say where it broke; single steps do.
-            _step_by_step(renderer, rows, first, ahead)
-            raise
-    for name, array in (("IHIPs", ihips), ("forces", forces)):
-        if array.shape != hips.shape:
-            raise RendererError(
-                f"the renderer's run() answered {name} of shape {array.shape}, not {hips.shape}",
-                tick=first,
-                hip=hips[0],
-            )
-        bad = ~np.isfinite(array).all(axis=1)
-        if bad.any():
-            tick = int(np.argmax(bad))
-            raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
-    return Answers(ihips, forces, reported_contacts(renderer, hips.shape[0]))
-
-
-def _step_by_step(renderer: Renderer, rows: Rows, first: int, ahead: int = 0, pushes: Array | None = None) -> Answers:
-    """Answer rows from a reset by `step`; the `ahead` rows of the way in count as tick `first`."""
-    answers = Answers.room(rows.hip)
-    reset_checked(renderer, rows.hip[0])
-    _answer_each(renderer, rows, answers, range(len(rows.hip)), first, ahead, pushes, from_reset=True)
-    return answers
-
-
-def _answer_each(
-    renderer: Renderer, rows: Rows, answers: Answers, numbers: range, first: int, ahead: int = 0,
-    pushes: Array | None = None, *, from_reset: bool,
-) -> None:  # fmt: skip
-    """Write the answers of the rows `numbers`, a `step` a row: the one loop in Python over a path that is given.
-
-    A renderer may refuse a row only if that is the first `from_reset` on. One that feels is given `pushes` (n, N), N.
-    Errors count ticks from `first` on, to which the first `ahead` rows belong.
-    """
-    for row in numbers:
-        tick, hip = first + max(row - ahead, 0), rows.hip[row]
-        if pushes is not None:
-            observe_force_checked(renderer, tick, hip, pushes[row])
-        try:
-            ihip, force = step_checked(
-                renderer, tick, hip, rows.velocity[row], float(rows.dt[row]), may_refuse=from_reset and row == 0
-            )
-        except RendererError as error:
-            if ahead:
-                error.after_lead_in(row + 1, ahead)
-            raise
-        answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
-
-
-COMPARED = (4, 64)
-"""Stretches of a path, and ticks each, on which a renderer's two ways of answering are compared."""
-
-
-def compare_batch(
-    renderer: Renderer, recording: Recording, *, contact: BoolArray, stiffness: float, damping: float
-) -> None:
-    """Hold a renderer's `run` to its `step`, on stretches of the path that `recording` was played along.
-
-    The stretches begin at samples in `contact` (n,), from the first to the last, each with a reset. Both ways may
-    differ by the rounding of coordinates in single precision, and forces by what the gains, `stiffness` (N/m) and
-    `damping` (N s/m), make of that; and by as much as a HIP moved by that rounding changes the answer of `step`, which
-    is all there is to say beside a jump.
-
-    Does nothing for a renderer without `run`. Raises `RendererError`, naming tick, HIP and difference, where they
-    differ by more.
-    """
-    touched = np.flatnonzero(contact)
-    if not abilities_of(renderer).run or touched.size == 0:
-        return
-    dt = float(recording.meta["dt"])
-    # of a coordinate, m; a spring and a backward difference make forces of it, which are rounded themselves
-    rounding = single_rounding(recording.hip)
-    allowed = np.array([rounding, (stiffness + 2.0 * damping / dt) * rounding])
-    allowed[1] += single_rounding(recording.force)
-    count, length = COMPARED
-    for first in sorted({int(touched[k]) for k in np.linspace(0, touched.size - 1, count + 1).astype(int)[:-1]}):
-        rows = Rows.along(recording.time[first : first + length], recording.hip[first : first + length], dt)
-        try:
-            batch = np.stack(_all_at_once(renderer, rows, first)[:2], axis=1)
-        except DomainError:
-            continue  # it may be led here, and not start here
-        single = np.stack(_step_by_step(renderer, rows, first)[:2], axis=1)
-        differences = np.linalg.norm(batch - single, axis=2)
-        wrong = np.flatnonzero(np.any(differences > allowed, axis=1))
-        if wrong.size == 0:
-            continue
-        row = int(wrong[0])
-        if np.any(
-            differences[row] > allowed + _change_of_answer(renderer, rows.part(0, row + 1), rounding, single[row])
-        ):
-            ihip, force = differences[row]
-            answers_of_both = [
-                f"{method}() answers {answers[row, 0]} m, {answers[row, 1]} N"
-                for method, answers in zip(("run", "step"), (batch, single), strict=True)
-            ]
-            raise RendererError(
-                f"the renderer's run() and step() differ by {1e3 * ihip:.3g} mm in the IHIP and {force:.3g} N",
-                tick=first + row,
-                hip=rows.hip[row],
-                why=f"{', '.join(answers_of_both)}, both from a reset at tick {first} on; "
-                f"rounding allows for {1e3 * allowed[0]:.2g} mm and {allowed[1]:.2g} N",
-                todo="make run() equal to reset() and a step() a row",
-            )
-
-
-def _change_of_answer(renderer: Renderer, rows: Rows, by: float, answer: Array) -> Array:
-    """How far the last answer of `step` moves, (IHIP, force), when the last HIP is moved by `by` (m) either way."""
-    largest_change = np.zeros(2)
-    for shift in by * np.vstack([np.eye(rows.hip.shape[1]), -np.eye(rows.hip.shape[1])]):
-        shaken = rows.hip.copy()
-        shaken[-1] += shift
-        answer_there = np.stack(_step_by_step(renderer, rows._replace(hip=shaken), 0)[:2], axis=1)[-1]
-        largest_change = np.maximum(largest_change, np.linalg.norm(answer_there - answer, axis=1))
-    return largest_change
-
-
 TURN_TICKS = 8
 """Ticks that a renderer answers before it is another one's turn."""
 
-Party = tuple[Renderer, Path, Scene]
+Party = tuple[AnyRenderer, Path, Scene]
 """A renderer, the path that it is led along, and its scene."""
 
 
@@ -369,89 +251,155 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
     Both are reset at the beginning, and then answer `TURN_TICKS` ticks each until the first path ends.
     """
     parties = []
-    for renderer, path, scene in (first, second):
-        time, hips = path.sampled(dt)
+    for party, path, scene in (first, second):
+        renderer, (time, hips) = wrapped(party), path.sampled(dt)
         lead_in = lead_in_rows(renderer, hips, dt, scene)
         parties.append((renderer, lead_in.followed_by(Rows.along(time, hips, dt))))
         reset_checked(renderer, parties[-1][1].hip[0])
-    first_rows = parties[0][1]  # only the first renderer's answers are recorded
+    judged, first_rows = parties[0]  # only the first renderer's answers are recorded
     answers = Answers.room(first_rows.hip)
     for begin in range(0, len(first_rows.dt), TURN_TICKS):
-        answers_of_turn = [
-            lead_on(
-                renderer,
-                rows.part(begin, begin + TURN_TICKS),
-                begin,
-                partial(rows.part, 0, begin),
-                from_reset=begin == 0,
-            )
-            for renderer, rows in parties
-        ]
-        for column, answered in zip(answers, answers_of_turn[0], strict=True):
-            column[begin : begin + TURN_TICKS] = answered
+        for renderer, rows in parties:
+            turn = rows.part(begin, begin + TURN_TICKS)
+            answered = lead_on(renderer, turn, Ticks(begin), from_reset=begin == 0)
+            if renderer is judged:
+                answers.write(begin, answered)
     time, hips = first[1].sampled(dt)
     recorded = slice(len(first_rows.dt) - len(time), None)
     channels = {"hip": hips, **channels_of(answers.part(recorded)), "velocity": first_rows.velocity[recorded]}
-    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **judged.meta})
+
+
+class Ticks(NamedTuple):
+    """How errors count the rows that a renderer is led along: the first is the tick `first`.
+
+    The hand is led in before that over `ahead` rows more, which all count as it.
+    """
+
+    first: int
+    ahead: int = 0
+
+    def at(self, row: int) -> int:
+        """Return the tick of a row."""
+        return self.first + max(row - self.ahead, 0)
+
+    def after(self, rows: int) -> Ticks:
+        """Return how rows are counted that follow so many of these."""
+        return Ticks(self.at(rows), max(self.ahead - rows, 0))
 
 
 def lead_on(
-    renderer: Renderer,
-    rows: Rows,
-    first: int,
-    since_reset: Callable[[], Rows],
-    *,
-    ahead: int = 0,
-    from_reset: bool = False,
+    renderer: WrappedRenderer, rows: Rows, ticks: Ticks, *, from_reset: bool = False, pushes: Array | None = None
 ) -> Answers:
-    """The answers of a renderer that is led on, or `from_reset` on. Errors count ticks from `first` on.
+    """Return the answers of a renderer that is led on from where it is: the one way to lead one.
 
-    By its compiled `law` or its `lead`, where it has one: what a law refuses its `step` words. A `lead` that raises has
-    gone nobody knows how far. The renderer then steps from a reset along `since_reset`, the rows that it was led along
-    before (of which `ahead` lead the hand in), and these ones, for the tick at which it breaks; where no step does,
-    `lead` itself is to blame.
+    By its compiled `law` where it has one, else a `step` a row. It may refuse a row only if that is the first
+    `from_reset` on. One that feels is given `pushes` (n, N), N, before each step.
     """
     answers = Answers.room(rows.hip)
-    ihips, forces, _ = answers
-    try:
-        answered = _lead_at_once(renderer, rows, answers, first)
-    except (Exception, SystemExit) as error:
-        before = since_reset()
-        reset_checked(renderer, before.followed_by(rows).hip[0])
-        _answer_each(renderer, before, Answers.room(before.hip), range(before.dt.size), 0, ahead, from_reset=True)
-        _answer_each(renderer, rows, answers, range(rows.dt.size), max(first, 0), max(-first, 0), from_reset=from_reset)
-        raise blame_renderer(
-            "lead()",
-            error,
-            tick=max(first, 0),
-            hip=rows.hip[0],
-            why="its step() takes the same path without an error",
-            todo="make lead() equal to a step() a row from where the last one ended",
-        ) from error
-    not_finite_rows = ~np.isfinite([ihips[:answered], forces[:answered]]).all(axis=(0, 2))
-    if not_finite_rows.any():
-        row = int(np.argmax(not_finite_rows))
-        raise not_finite(max(first + row, 0), rows.hip[row], ihips[row], forces[row])
-    # ticks before `first` = 0 are those of the way in
-    _answer_each(
-        renderer, rows, answers, range(answered, rows.dt.size), max(first, 0), max(-first, 0), from_reset=from_reset
-    )
+    if pushes is not None and renderer.observes_force:
+        _lead_by_step(renderer, rows, answers, ticks, from_reset=from_reset, pushes=pushes)
+    elif renderer.law is not None and rows.dt.size:
+        _lead_by_law(renderer, renderer.law, rows, answers, ticks)
+    else:
+        _lead_by_step(renderer, rows, answers, ticks, from_reset=from_reset)
     return answers
 
 
-def _lead_at_once(renderer: Renderer, rows: Rows, answers: Answers, first: int) -> int:
-    """Write what a renderer answers in one call, and return how many rows that are: none where it cannot.
+def _lead_by_step(
+    renderer: WrappedRenderer, rows: Rows, answers: Answers, ticks: Ticks, *, from_reset: bool,
+    pushes: Array | None = None,
+) -> None:  # fmt: skip
+    """Write the answers of all rows, a `step` a row: the one loop in Python over a path that is given."""
+    for row, hip in enumerate(rows.hip):
+        tick = ticks.at(row)
+        if pushes is not None:
+            observe_force_checked(renderer, tick, hip, pushes[row])
+        try:
+            ihip, force = step_checked(
+                renderer, tick, hip, rows.velocity[row], float(rows.dt[row]), may_refuse=from_reset and row == 0
+            )
+        except RendererError as error:
+            if ticks.ahead:
+                error.after_lead_in(row + 1, ticks.ahead)
+            raise
+        answers.ihip[row], answers.force[row], answers.contact[row] = ihip, force, reported_contact(renderer)
 
-    Raises what its `lead` raises.
+
+def _lead_by_law(renderer: WrappedRenderer, law: CompiledStep, rows: Rows, answers: Answers, ticks: Ticks) -> None:
+    """Write the answers of all rows by the compiled step, in one loop without Python.
+
+    What the law refuses the renderer's own `step` words.
     """
-    abilities, count = abilities_of(renderer), rows.dt.size
-    # compiled first: it says itself how far it got; a `lead` in Python answers all rows or none
-    if abilities.law is not None and count:
-        note_run(first)
-        return abilities.law.lead(*rows, answers)[0]
-    if abilities.lead and count:
-        answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
-        answers.contact[:] = reported_contacts(renderer, count)
-        count_answer()
-        return count
-    return 0
+    from hapticeval.compiled import for_kernels
+    from hapticeval.laws import law_value, lead_by_law
+
+    note_run(ticks.first - ticks.ahead)
+    hips, velocities, dt = (for_kernels(np.asarray(column, dtype=np.float64)) for column in rows)
+    reported = np.empty(0) if law.contact is None else law.contact
+    push = np.zeros(rows.hip.shape[1])
+    answered, number = lead_by_law(
+        law_value(law.function, law.data), law.data, push, hips, velocities, dt, answers.ihip, answers.force, reported,
+        answers.contact,
+    )  # fmt: skip
+    bad = ~np.isfinite([answers.ihip[:answered], answers.force[:answered]]).all(axis=(0, 2))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise not_finite(ticks.at(row), rows.hip[row], answers.ihip[row], answers.force[row])
+    if answered < rows.dt.size:
+        tick, hip = ticks.at(answered), rows.hip[answered]
+        step_checked(renderer, tick, hip, rows.velocity[answered], float(rows.dt[answered]), may_refuse=False)
+        raise RendererError(
+            f"the renderer's compiled step returned {number}, and its step() answers",
+            tick=tick,
+            hip=hip,
+            todo="make the law equal to step(), to the last bit",
+        )
+
+
+HELD_TO_STEP = 100
+"""Ticks of contact over which a compiled step is held to `step`. *Chosen*: most of a millisecond a case, and more than
+a proxy has a memory of. Twice as many cost twice that."""
+
+
+def hold_law_to_step(renderer: WrappedRenderer, recording: Recording, *, contact: BoolArray) -> None:
+    """Hold a renderer's compiled step to its `step`, from where the path of `recording` is first in `contact` (n,).
+
+    What hardware is driven by is the `step`; what is judged is then the same. Does nothing for a renderer without a
+    law. Raises `RendererError`, naming tick and HIP, where an answer differs by a bit.
+    """
+    touched = np.flatnonzero(contact)
+    if renderer.law is None or touched.size == 0:
+        return
+    first, dt = int(touched[0]), float(recording.meta["dt"])
+    stretch = slice(first, first + HELD_TO_STEP)
+    velocity = recording.channel("velocity")[stretch]
+    rows, ticks = Rows(recording.hip[stretch], velocity, np.full(len(velocity), dt)), Ticks(first)
+
+    def answers_by(law: CompiledStep | None) -> Answers:
+        """Return the answers from a reset, by the law or by `step`."""
+        reset_checked(renderer, rows.hip[0])
+        return lead_on(replace(renderer, law=law), rows, ticks, from_reset=True)
+
+    try:
+        by_law, by_step = answers_by(renderer.law), answers_by(None)
+    except DomainError:
+        return  # it may be led here, and not start here
+    differs = _differ(by_law, by_step)
+    # one whose answers are never the same twice is not to blame for that here: see `repeatability`
+    if differs.any() and not _differ(by_step, answers_by(None)).any():
+        row = int(np.argmax(differs))
+        ihip, force = (float(np.abs(by_law[k][row] - by_step[k][row]).max()) for k in range(2))
+        raise RendererError(
+            f"the renderer's law and step() differ by {1e3 * ihip:.3g} mm in the IHIP and {force:.3g} N",
+            tick=ticks.at(row),
+            hip=rows.hip[row],
+            why=f"both from a reset at tick {first} on; a law stands for step(), which drives the hardware",
+            todo="make the law equal to step(), to the last bit, or leave it out",
+        )
+
+
+def _differ(one: Answers, other: Answers) -> BoolArray:
+    """Return in which rows two answers differ (n,)."""
+    differs: BoolArray = np.any((one.ihip != other.ihip) | (one.force != other.force), axis=1)
+    return differs

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from functools import lru_cache
 from types import MappingProxyType
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,11 +31,12 @@ from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.sampling import farthest_standoff, force_floor, note_cut_standoff
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import path_velocities, single_rounding
-from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
+from hapticeval.renderer import Declaration, WrappedRenderer
 from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import ask_without_hip, check_answer, reset_checked, step_checked
+from hapticeval.simulation.playback import answers_along
 from hapticeval.types import Array
 from hapticeval.workers import Overdue, ProcessEnded, Workers
 
@@ -107,7 +108,7 @@ class HandPath(NamedTuple):
 class Case(NamedTuple):
     """A renderer in a scene, and a path for its hand."""
 
-    renderer: Renderer
+    renderer: WrappedRenderer
     scene: Scene
     path: HandPath
 
@@ -196,8 +197,8 @@ def _put_question(name: str, kind: str, what: str) -> StateAndText:
 @lru_cache(maxsize=2)
 def _case(name: str, kind: str) -> Case:
     scene = _scene(kind)
-    renderer = cast("Renderer", make_renderer(resolve(name), scene))
-    return Case(renderer, scene, _hand_path(scene, abilities_of(renderer).standoff))
+    renderer = make_renderer(resolve(name), scene)
+    return Case(renderer, scene, _hand_path(scene, renderer.standoff))
 
 
 @lru_cache
@@ -215,7 +216,7 @@ def _check_made(name: str, kind: str) -> StateAndText:
         case = _case(name, kind)
     except RefusalError as refusal:
         return State.NOTE, f"it refuses the model: {refusal.what}; {refusal.why}"
-    abilities = abilities_of(case.renderer)
+    abilities = case.renderer
     if not abilities.steps:
         return State.NOTE, "it answers a stimulus whole, by simulate(): there are no ticks to ask for"
     parts = [f"model '{case.scene.model.name}'"]
@@ -229,8 +230,7 @@ def _check_made(name: str, kind: str) -> StateAndText:
     )
     if abilities.declares is not None and abilities.declares.spring is not None:
         parts.append(f"a spring along the {abilities.declares.spring}")
-    methods = [method for method in ("run", "lead", "law") if getattr(abilities, method)]
-    parts.append(f"offers {', '.join(methods) if methods else 'single steps'}")
+    parts.append("asked in a compiled loop, by its law" if abilities.law else "asked tick by tick, by its step()")
     return State.OK, "; ".join(parts)
 
 
@@ -279,7 +279,7 @@ def _check_free_space(case: Case) -> StateAndText:
             "step() changes the hip that it is given: change a copy" if _changes_hip(case) else "return the HIP there"
         )
         return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: {advice}"
-    if getattr(case.renderer, "contact", None):
+    if case.renderer.contact:
         return State.MISSING, "it reports contact in free space"
     return State.OK, "the IHIP is the HIP, and the force zero"
 
@@ -297,7 +297,7 @@ def _check_contact(case: Case) -> StateAndText:
     """Check that under the surface the IHIP is on it, and the force pushes out."""
     scene, path = case.scene, case.path
     ihips, forces = _answers_along(case, path.hips[: path.deep + 1], scene.sampling_time)
-    touches = getattr(case.renderer, "contact", None)
+    touches = case.renderer.contact
     depth = LEAD_DEPTH * scene.model.size
     # The part of the force along the outward normal, N.
     outwards = float(forces[-1] @ path.normal)
@@ -312,7 +312,7 @@ def _check_contact(case: Case) -> StateAndText:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     # Distance of the IHIP from the true surface, m: what a standoff would have to declare.
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
-    abilities = abilities_of(case.renderer)
+    abilities = case.renderer
     cut_standoff = note_cut_standoff(abilities.standoff, scene)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
     if np.array_equal(ihips[-1], path.hips[path.deep]):
@@ -373,7 +373,7 @@ def _check_reset(case: Case) -> StateAndText:
     second = _answers_along(case, case.path.hips[: case.path.deep + 1], dt)
     # The largest difference of an IHIP (m) and of a force (N).
     apart = [float(np.abs(a - b).max()) for a, b in zip(first, second, strict=True)]
-    declared = abilities_of(case.renderer).declares
+    declared = case.renderer.declares
     allowed = (0.0, 0.0) if declared is None else (declared.ihip_scatter, declared.force_scatter)
     if any(by > may for by, may in zip(apart, allowed, strict=True)):
         return (
@@ -395,26 +395,17 @@ def _check_reset_inside(case: Case) -> StateAndText:
     return State.OK, "a reset with the hand inside begins in contact"
 
 
-def _check_batch(case: Case) -> StateAndText:
-    """Check that run(hips, dt) answers as a reset and a step a row do."""
-    if not abilities_of(case.renderer).run:
-        return State.NOTE, "there is no run(hips, dt): each tick is a call"
-    dt = case.scene.sampling_time
-    single = _answers_along(case, case.path.hips, dt)
-    with renderer_errors("run()"):
-        # A copy: a renderer that writes into its argument must not change the path.
-        answer = cast("Batch", case.renderer).run(case.path.hips.copy(), dt)
-        batch = [np.asarray(values, dtype=np.float64) for values in answer]
-    shapes = [values.shape for values in batch]
-    if shapes != [case.path.hips.shape] * 2:
-        raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.path.hips.shape}")
-    apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
-    # Written with `not <=`, so that NaN is a difference.
-    if not apart[0] <= single_rounding(case.path.hips) or not apart[1] <= case.scene.stiffness * single_rounding(
-        case.path.hips
-    ):
-        return State.MISSING, f"run() differs from single steps by {apart[0]:.3g} m and {apart[1]:.3g} N"
-    return State.OK, "run() is equal to single steps" + (", to the bit" if not any(apart) else "")
+def _check_law(case: Case) -> StateAndText:
+    """Check that a compiled step answers as step() does, to the bit."""
+    if case.renderer.law is None:
+        return State.NOTE, "there is no law, its step as compiled code: each tick is a call from Python"
+    hips, dt = case.path.hips, case.scene.sampling_time
+    by_step = _answers_along(case, hips, dt)
+    by_law = answers_along(case.renderer, hips, dt)
+    apart = [float(np.abs(a - b).max()) for a, b in zip(by_step, by_law[:2], strict=True)]
+    if any(apart):
+        return State.MISSING, f"its law differs from step() by {apart[0]:.3g} m and {apart[1]:.3g} N"
+    return State.OK, "its law is equal to step(), to the bit"
 
 
 def _check_non_finite(case: Case) -> StateAndText:
@@ -455,7 +446,7 @@ def _check_speed(case: Case) -> StateAndText:
 
 def _check_bilateral(case: Case) -> StateAndText:
     """Tell whether it declares to hold the tool from both sides."""
-    if "bilateral" in (abilities_of(case.renderer).supports or ()):
+    if "bilateral" in (case.renderer.supports or ()):
         return State.OK, "declares that it holds the tool from both sides"
     return State.NOTE, "it does not declare 'bilateral': cases that hold the tool from both sides are not applicable"
 
@@ -468,7 +459,7 @@ QUESTIONS: Mapping[str, Callable[..., StateAndText]] = MappingProxyType(
         "leaving": _check_leaving,
         "reset": _check_reset,
         "reset inside": _check_reset_inside,
-        "batch": _check_batch,
+        "law": _check_law,
         "non-finite": _check_non_finite,
         "bilateral": _check_bilateral,
         "speed": _check_speed,

@@ -23,7 +23,7 @@ from hapticeval.errors import DomainError, InputError, at
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import AnyTrajectory, ExperimentTable
 from hapticeval.stimulus.moves import Move, Moves, shortest_duration
@@ -193,7 +193,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             # Unless the case says otherwise depth counts from the model, whatever surface the renderer has of it.
             own = None
             if renderer is not None and self.depth_of == "representation":
-                own = abilities_of(renderer).surface
+                own = wrapped(renderer).surface
             stimulus = self.trajectory.path(own or scene.model.boundary, self.folder)
         dimension = scene.model.dimension
         if stimulus.dimension != dimension:

@@ -55,7 +55,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.renderer import Response
-from hapticeval.renderers.projective import checked_hand
+from hapticeval.renderers.law_renderer import checked_hand
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from hapticeval.geometry.triples import Triple, dot, plus, triple_of
 from hapticeval.laws import law_data
 from hapticeval.records import as_record, numbers_of, record_type
 from hapticeval.renderer import CompiledStep, Declaration, Spring
-from hapticeval.renderers.projective import LawRenderer, once
+from hapticeval.renderers.law_renderer import LawRenderer
+from hapticeval.renderers.projective import once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -62,7 +62,8 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.representations import MARGIN_CELLS
 from hapticeval.renderer import Declaration, Response, Spring
-from hapticeval.renderers.projective import checked_hand, once
+from hapticeval.renderers.law_renderer import checked_hand
+from hapticeval.renderers.projective import once
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

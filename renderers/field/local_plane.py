@@ -57,7 +57,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.renderer import Declaration, Response, Spring
-from hapticeval.renderers.projective import checked_hand
+from hapticeval.renderers.law_renderer import checked_hand
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

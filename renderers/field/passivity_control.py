@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.errors import RefusalError
-from hapticeval.renderer import Renderer, Response, abilities_of, choices_of
+from hapticeval.renderer import Response, WrappedRenderer, choices_of, wrapped
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
@@ -79,8 +79,8 @@ class PassivityControlled:
 
     def __call__(self, scene: Scene) -> Controlled:
         """The renderer for a scene. Raises `RefusalError` for one that answers no hand tick by tick."""
-        inner = self.inner(scene)
-        if not isinstance(inner, Renderer):
+        inner = wrapped(self.inner(scene))
+        if not inner.steps:
             raise RefusalError(
                 "a passivity controller around a tool with physics of its own",
                 why="there is no force a tick to observe",
@@ -97,10 +97,10 @@ def passivity_controlled(inner: RendererFactory) -> PassivityControlled:
 class Controlled:
     """A renderer's answers, with the energy (J) that the hand has put in kept at zero or above."""
 
-    def __init__(self, inner: Renderer) -> None:
+    def __init__(self, inner: WrappedRenderer) -> None:
         self.inner = inner
         self.energy = 0.0
-        promise = abilities_of(inner).declares
+        promise = inner.declares
         # a damper is no spring: what remains is whether there is a contact point, and how coarse answers are
         self.declares = promise and replace(promise, spring=None, stiffness_range=None, closed_form=None)
 

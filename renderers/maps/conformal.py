@@ -131,19 +131,15 @@ class ConformalMap:
     crowding: float
     blur: float
     blurred_at: Array
-    _disk: kernels.DiskTables = field(repr=False)
+    tables: kernels.DiskTables = field(repr=False)
 
     def to_angle(self, points: Array) -> Array:
         """Return the arguments of f (n,), rad, of points (n, 2), m, inside the curve."""
-        return kernels.map_to_angles(self._disk, for_kernels(points))
+        return kernels.map_to_angles(self.tables, for_kernels(points))
 
     def surface(self, angles: Array) -> Array:
         """Return the curve's parameters u (n,) at boundary angles (n,), rad: the boundary correspondence, inverted."""
-        return kernels.boundary_parameters(self._disk, angles)
-
-    def parameter(self, x: float, y: float) -> float:
-        """The curve's parameter at the argument of f of one point (m) inside: `surface` of `to_angle` in one call."""
-        return kernels.project_to_parameter(self._disk, x, y)
+        return kernels.boundary_parameters(self.tables, angles)
 
 
 def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
@@ -219,7 +215,7 @@ def _map_with_measures(curve: Curve, coarse: Correspondence, fine: Correspondenc
         crowding=float(np.max(masses) / max(np.min(masses), ANGLE_ERROR)),
         blur=float(blurs[widest]),
         blurred_at=curve.position(curve.parameter(lengths[widest])),
-        _disk=disk,
+        tables=disk,
     )
 
 

@@ -18,9 +18,6 @@ Complex: TypeAlias = NDArray[np.complex128]
 GRADING_ORDER = 8
 """Order of the substitution: of 4, 6, 8 and 10 it left stars and squares of 40 to 120 nodes a piece the least error."""
 
-VECTOR_LANES = 16
-"""Points that are mapped side by side, so that the processor's vector units take several at once."""
-
 NODE_OFFSET = 1e-150
 """Added to the offset from a node: too small to change one, but enough for a point on a node to be mapped as it is."""
 
@@ -122,73 +119,44 @@ def double_layer_matrix(anchors: Complex, offsets: Complex, steps: Complex) -> A
 
 
 @compiled
-def map_to_disk(disk: DiskTables, points: Array) -> Array:
-    """Return the images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
+def map_to_disk(disk: DiskTables, px: float, py: float) -> tuple[float, float]:
+    """Return the image in the unit disk of a point (m) inside the curve: barycentric Cauchy's formula.
 
     The quotient of two integrals by one rule is exact for a constant, and interpolates at the nodes: it holds its
     accuracy up to the boundary, where each integral alone loses all of it.
-
-    Every lane adds in the order of nodes, so that a point's image is the same, bit for bit, in whatever batch it comes.
     """
-    nodes = disk.nodes
-    count = points.shape[0]
-    out = np.empty((count, 2))
-    xs, ys = np.empty(VECTOR_LANES), np.empty(VECTOR_LANES)
-    ax, ay, bx, by = np.empty(VECTOR_LANES), np.empty(VECTOR_LANES), np.empty(VECTOR_LANES), np.empty(VECTOR_LANES)
-    for first in range(0, count, VECTOR_LANES):
-        last = min(first + VECTOR_LANES, count)
-        lanes = last - first
-        for lane in range(lanes):
-            i = first + lane
-            xs[lane], ys[lane] = (points[i, 0] - disk.cx) / disk.scale, (points[i, 1] - disk.cy) / disk.scale
-            ax[lane] = ay[lane] = bx[lane] = by[lane] = 0.0
-        for j in range(nodes.shape[0]):
-            x, y, tx, ty, fx, fy = nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
-            for lane in range(lanes):
-                dx, dy = x - xs[lane] + NODE_OFFSET, y - ys[lane]
-                # weight z_j' / (z_j - z): numerator sums it times f_j, denominator alone
-                inverse_squared = 1.0 / (dx * dx + dy * dy)
-                wx, wy = (tx * dx + ty * dy) * inverse_squared, (ty * dx - tx * dy) * inverse_squared
-                ax[lane] += wx * fx - wy * fy
-                ay[lane] += wx * fy + wy * fx
-                bx[lane] += wx
-                by[lane] += wy
-        for i in range(first, last):
-            k = i - first
-            # complex quotient a / b
-            size = bx[k] * bx[k] + by[k] * by[k]
-            out[i, 0] = (ax[k] * bx[k] + ay[k] * by[k]) / size
-            out[i, 1] = (ay[k] * bx[k] - ax[k] * by[k]) / size
-    return out
-
-
-@compiled
-def map_to_angles(disk: DiskTables, points: Array) -> Array:
-    """Return the arguments (n,), rad, of the images of points (n, 2), m: see `map_to_disk`."""
-    images = map_to_disk(disk, points)
-    out = np.empty(points.shape[0])
-    for i in range(out.shape[0]):
-        out[i] = math.atan2(images[i, 1], images[i, 0])
-    return out
-
-
-@compiled
-def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
-    """Return `map_to_angles` of one point (m), to the last bit: the same sums in the same order, kept in registers."""
     nodes = disk.nodes
     px, py = (px - disk.cx) / disk.scale, (py - disk.cy) / disk.scale
     ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
     for j in range(nodes.shape[0]):
         dx, dy = nodes[j, 0] - px + NODE_OFFSET, nodes[j, 1] - py
         tx, ty, fx, fy = nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
+        # weight z_j' / (z_j - z): numerator sums it times f_j, denominator alone
         inverse_squared = 1.0 / (dx * dx + dy * dy)
         wx, wy = (tx * dx + ty * dy) * inverse_squared, (ty * dx - tx * dy) * inverse_squared
         ax += wx * fx - wy * fy
         ay += wx * fy + wy * fx
         bx += wx
         by += wy
+    # complex quotient a / b
     size = bx * bx + by * by
-    return math.atan2((ay * bx - ax * by) / size, (ax * bx + ay * by) / size)
+    return (ax * bx + ay * by) / size, (ay * bx - ax * by) / size
+
+
+@compiled
+def map_to_angle(disk: DiskTables, px: float, py: float) -> float:
+    """Return the argument, rad, of the image of a point (m): see `map_to_disk`."""
+    x, y = map_to_disk(disk, px, py)
+    return math.atan2(y, x)
+
+
+@compiled
+def map_to_angles(disk: DiskTables, points: Array) -> Array:
+    """Return `map_to_angle` (n,), rad, of each of the points (n, 2), m."""
+    out = np.empty(points.shape[0])
+    for i in range(out.shape[0]):
+        out[i] = map_to_angle(disk, points[i, 0], points[i, 1])
+    return out
 
 
 @compiled

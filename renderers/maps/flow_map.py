@@ -82,12 +82,12 @@ class FlowMap:
     """
 
     curve: Curve
-    chart: Chart
+    tables: Chart
 
     @cached_property
     def spacing(self) -> float:
         """The largest distance of two neighbouring lines on the surface (m): the map is linear over as much."""
-        return float(np.max(np.diff(self.curve.arc_length(self.chart.us))))
+        return float(np.max(np.diff(self.curve.arc_length(self.tables.us))))
 
     def to_angle(self, points: Array) -> Array:
         """Return the angles (n,), rad, on the disk, of points (n, 2), m.
@@ -95,34 +95,24 @@ class FlowMap:
         Raises `InputError`, naming the row, for a point that is not finite or lies off the map.
         """
         array = checked_points(points)
-        out = map_to_angles(self.chart, array)
+        out = map_to_angles(self.tables, array)
         # in no cell: in the sliver between the curve and the chords of the first level, or off the map
         unmapped = np.flatnonzero(np.isnan(out))
         if unmapped.size:
-            out[unmapped] = self._angles_of_nearest(array[unmapped], unmapped)
+            u = self.curve.nearest(array[unmapped])
+            too_far = np.hypot(*(self.curve.position(u) - array[unmapped]).T) > 0.5 * self.spacing
+            if too_far.any():
+                row = unmapped[np.argmax(too_far)]
+                raise InputError(
+                    f"row {row}: the point ({array[row, 0]:g}, {array[row, 1]:g}) m lies off the map",
+                    why="the flow covers the inside of the model",
+                )
+            out[unmapped] = [angle_of(self.tables, parameter) for parameter in u.tolist()]
         return out
 
     def surface(self, angles: Array) -> Array:
         """Return the curve's parameters (n,) at angles (n,), rad, of any turn: the inverse on the surface."""
-        return surface_parameters(self.chart, np.ascontiguousarray(angles, dtype=np.float64))
-
-    def parameter(self, x: float, y: float) -> float:
-        """Return the parameter of the surface point that (x, y), m, is projected to (5.17)."""
-        u = project_to_parameter(self.chart, x, y)
-        return u if not math.isnan(u) else float(self.surface(self.to_angle(np.array([[x, y]])))[0])
-
-    def _angles_of_nearest(self, points: Array, rows: IntArray) -> Array:
-        """Angles of points between the curve and the chords of the grid: those of their nearest surface points."""
-        u = self.curve.nearest(points)
-        too_far = np.hypot(*(self.curve.position(u) - points).T) > 0.5 * self.spacing
-        if too_far.any():
-            x, y = points[np.argmax(too_far)]
-            raise InputError(
-                f"row {rows[np.argmax(too_far)]}: the point ({x:g}, {y:g}) m lies off the map",
-                why="the flow covers the inside of the model",
-            )
-        us = self.chart.us
-        return np.interp(np.where(u < us[0], u + us[-1] - us[0], u), us, self.chart.angles)
+        return surface_parameters(self.tables, np.ascontiguousarray(angles, dtype=np.float64))
 
 
 def flow_map(model: Model, settings: FlowSettings | None = None) -> FlowMap:
@@ -449,6 +439,16 @@ def project_to_parameter(chart: Chart, x: float, y: float) -> float:
     if level == OUTSIDE_CELLS:
         return np.nan
     return surface_parameter(chart, math.atan2(disk_y, disk_x))
+
+
+@compiled
+def angle_of(chart: Chart, u: float) -> float:
+    """Return the angle (rad) on the disk of the surface point at a curve's parameter u: linear between the lines."""
+    us, angles = chart.us, chart.angles
+    if u < us[0]:
+        u += us[-1] - us[0]
+    line = min(max(np.searchsorted(us, u, "right") - 1, 0), us.shape[0] - 2)
+    return float((angles[line + 1] - angles[line]) / (us[line + 1] - us[line]) * (u - us[line]) + angles[line])
 
 
 @compiled

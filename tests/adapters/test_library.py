@@ -19,11 +19,11 @@ from hapticeval.discovery import Name, parse, resolve, resolve_installed
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Answers, Declaration, Spring, abilities_of
+from hapticeval.renderer import Declaration, Spring, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback import answers_along, play
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.stimulus.stimulus import Path as HandPath
 from hapticeval.study.bench.measure import Track, step_times
@@ -36,7 +36,7 @@ DT = 1e-3
 
 
 def make_library_renderer(file: Path, scene: Scene = LINE) -> LibraryRenderer:
-    renderer = make_renderer(resolve(f"lib:{file}"), scene)
+    renderer = make_renderer(resolve(f"lib:{file}"), scene).renderer
     assert isinstance(renderer, LibraryRenderer)
     return renderer
 
@@ -57,29 +57,19 @@ def slide(dimension: int) -> Array:
 
 
 @pytest.mark.parametrize(("kind", "example"), [("circle", "penalty"), ("cube", "penalty"), ("cube", "god_object")])
-def test_step_run_and_the_compiled_step_give_the_same_bits(
-    kind: str, example: str, request: pytest.FixtureRequest
-) -> None:
+def test_step_and_the_compiled_step_give_the_same_bits(kind: str, example: str, request: pytest.FixtureRequest) -> None:
     scene = Scene(model=make_model(kind, size=0.2), damping=3.0)
     renderer = make_library_renderer(request.getfixturevalue(example), scene)
     hips = slide(scene.model.dimension)
     velocities = backward_difference(hips, DT * np.arange(len(hips)))
     renderer.reset(hips[0])
     steps = [renderer.step(hip, velocity, DT) for hip, velocity in zip(hips, velocities, strict=True)]
-    batch = renderer.run(hips, DT)
-    reported = renderer.contact
-    law = abilities_of(renderer).law
-    assert law is not None
-    answers = Answers.room(hips)
-    renderer.reset(hips[0])
-    assert law.lead(hips, velocities, np.full(len(hips), DT), answers) == (len(hips), 0)
+    assert wrapped(renderer).law is not None
+    answers = answers_along(renderer, hips, DT)
     for part in range(2):
-        single = np.array([step[part] for step in steps])
-        np.testing.assert_array_equal(batch[part], single)
-        np.testing.assert_array_equal(answers[part], single)
-    assert np.any(batch[1] != 0.0)
-    touched = np.any(batch[1] != 0.0, axis=1)
-    np.testing.assert_array_equal(reported, touched)
+        np.testing.assert_array_equal(answers[part], np.array([step[part] for step in steps]))
+    touched = np.any(answers.force != 0.0, axis=1)
+    assert touched.any()
     np.testing.assert_array_equal(answers.contact, touched)
 
 
@@ -108,7 +98,7 @@ def test_what_a_scene_is_reaches_the_library(build: Build) -> None:
     facets = scene.model.mesh(max_error=1e-4 * scene.model.size)
     assert renderer.standoff == facets.chord_error  # type: ignore[attr-defined]
     assert renderer.surface is facets.boundary  # type: ignore[attr-defined]
-    declared = abilities_of(renderer).declares
+    declared = wrapped(renderer).declares
     assert declared is not None
     assert declared.spring is Spring.ERROR
 
@@ -168,27 +158,6 @@ def test_a_library_is_destroyed_with_its_renderer(build: Build, tmp_path: Path) 
     assert file.exists()
 
 
-def test_a_batch_of_its_own_is_used_and_held_to_its_steps(build: Build, compiler: str, tmp_path: Path) -> None:
-    run = """
-int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, double dt, double *ihips, double *forces) {
-  for (uint32_t k = 0; k < 2 * n; k += 2) if (hr_step(self, hips + k, v + k, dt, ihips + k, forces + k) < 0) return -1;
-  if (n > 3) forces[5] += OFF;
-  return 0;
-}
-"""
-    source = build().with_name("plane.c").read_text() + run
-    (tmp_path / "run.c").write_text(source)
-    for off in (0, 1):
-        flags = ["-shared", "-fPIC", f"-DOFF={off}", f"-I{HEADER.parent}", "-o", f"librun{off}.so", "run.c"]
-        subprocess.run([compiler, *flags], cwd=tmp_path, check=True)
-    honest = hapticeval.run(f"lib:{tmp_path}/librun0.so", select="plane-impact", workers=0)
-    assert [run.error for run in honest.document.runs if run.error] == []
-    hips = np.column_stack([np.zeros(9), np.linspace(0.002, -0.002, 9)])
-    single = np.array([make_library_renderer(tmp_path / "librun0.so").step(hip, 0.0 * hip, DT).force for hip in hips])
-    np.testing.assert_array_equal(make_library_renderer(tmp_path / "librun0.so").run(hips, DT)[1], single)
-    assert make_library_renderer(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
-
-
 def test_a_step_is_timed_in_a_compiled_loop_and_one_that_breaks_is_named(refused: Refusals, build: Build) -> None:
     renderer = make_library_renderer(build())
     hips = np.column_stack([np.zeros(300), np.linspace(0.002, -0.002, 300)])
@@ -216,9 +185,9 @@ def steps_from_python(renderer: object, hips: np.ndarray) -> list[int]:
 
 def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(build: Build) -> None:
     info = "if (self) { info->stiffness_least = 0.4; info->stiffness_largest = 3; info->force_resolution = .05; }"
-    declared = abilities_of(make_library_renderer(build(INFO=info))).declares
+    declared = wrapped(make_library_renderer(build(INFO=info))).declares
     assert declared == Declaration(stiffness_range=(0.4, 3.0), force_resolution=0.05)
-    assert abilities_of(make_library_renderer(build())).declares is None
+    assert wrapped(make_library_renderer(build())).declares is None
 
 
 @pytest.mark.parametrize(

@@ -20,21 +20,13 @@ from hapticeval.adapters.process import ProcessRenderer
 from hapticeval.discovery import resolve
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.renderer import Spring, abilities_of
+from hapticeval.renderer import Spring, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closeup import Closeup
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path as Way
 
 PROCESS = Path(__file__).parents[2] / "examples" / "process"
-
-
-class Stepped:
-    """A renderer of which only its steps are shown."""
-
-    def __init__(self, renderer: ProcessRenderer) -> None:
-        self.reset, self.step = renderer.reset, renderer.step
 
 
 LINE = Scene(model=make_model("line"))
@@ -57,7 +49,7 @@ for line in sys.stdin:
     elif call == "bye":
         break
     else:
-        exec({{"hello": {hello!r}, "scene": {scene!r}, "step": {step!r}, "run": {run!r}}}[call])
+        exec({{"hello": {hello!r}, "scene": {scene!r}, "step": {step!r}}}[call])
 """
 
 
@@ -65,9 +57,9 @@ for line in sys.stdin:
 def command(tmp_path: Path) -> Callable[..., str]:
     """Write a process with code put into it; return its name."""
 
-    def written(hello: str = "", scene: str = "", step: str = "pass", run: str = "pass") -> str:
+    def written(hello: str = "", scene: str = "", step: str = "pass") -> str:
         file = tmp_path / "mine.py"
-        file.write_text(MINE.format(hello=hello, scene=scene, step=step, run=run))
+        file.write_text(MINE.format(hello=hello, scene=scene, step=step))
         adapter._hello_of.cache_clear()
         return f"cmd:{shlex.join([sys.executable, str(file)])}"
 
@@ -75,7 +67,7 @@ def command(tmp_path: Path) -> Callable[..., str]:
 
 
 def make_process_renderer(name: str, scene: Scene = LINE) -> ProcessRenderer:
-    renderer = make_renderer(resolve(name), scene)
+    renderer = make_renderer(resolve(name), scene).renderer
     assert isinstance(renderer, ProcessRenderer)
     return renderer
 
@@ -102,15 +94,9 @@ def test_the_reference_client_answers_as_the_nearest_point(example: str) -> None
     inside = frame.distance[:, np.newaxis] < 0.0
     np.testing.assert_allclose(ihips, np.where(inside, frame.foot, hips), atol=1e-14)
     np.testing.assert_allclose(forces, 1000.0 * (ihips - hips), atol=1e-11)
-    can = abilities_of(renderer)
+    can = wrapped(renderer)
     assert can.declares is not None
     assert (can.declares.spring, can.supports) == (Spring.ERROR, {"plane"})
-    assert renderer.run is not None
-    assert renderer.lead is not None
-    for batch in (renderer.run(hips, DT), renderer.lead(hips, 0.0 * hips, np.array([1.0, 1.0, 0.5, 0.5, 1.0]))):
-        np.testing.assert_array_equal(batch[0], ihips)
-        np.testing.assert_array_equal(batch[1], forces)
-    assert renderer.run(hips[:1], DT)[0].shape == (1, 2)
 
 
 @pytest.mark.parametrize("name", ["mine.py", "mine.m"])
@@ -249,26 +235,6 @@ def test_a_child_without_a_hand_has_to_refuse_and_not_to_die(
     assert "error" not in outcomes.values()
 
 
-def test_a_stretch_that_is_refused_where_its_steps_are_not_is_an_error(
-    refused: Refusals, command: Callable[..., str]
-) -> None:
-    name = command(
-        hello="say(id=id, version=1, run=True)",
-        step="say(id=id, ihip=m['hip'], force=[0.0, 0.0])",
-        run="hips = m['hips']; far = hips[-1][0] > 0.0521\n"
-        "say(id=id, **({'refuse': 'too far'} if far else {'ihips': hips, 'forces': [[0.0, 0.0]] * len(hips)}))",
-    )
-    renderer = make_process_renderer(name)
-    path = Way(np.array([0.0, 0.5]), np.array([[0.0, 0.01], [0.05, 0.01]]))
-    look = Closeup.of(renderer, play(renderer, path, 0.01), LINE)
-    look.refined(48, 49, 4, lag=2)
-    path = Way(np.array([0.0, 0.6]), np.array([[0.0, 0.01], [0.06, 0.01]]))
-    beyond = Closeup.of(renderer, play(Stepped(renderer), path, 0.01), LINE)
-    with refused(RendererError) as raised:
-        beyond.refined(50, 54, 4, lag=2)
-    assert raised.value.tick == 50
-
-
 @pytest.mark.parametrize(
     "hello",
     [
@@ -306,15 +272,9 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
     refused: Refusals, command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "ANSWER_PATIENCE", 0.5)
-    monkeypatch.setattr(adapter, "TICK_PATIENCE", 0.0)
-    name = command(
-        hello="say(id=id, version=1, run=True)",
-        scene="say(id=id); sys.stdin.readline(); print(json.dumps({'id': 3}), flush=True); time.sleep(60)",
-    )
-    renderer = make_process_renderer(name)
-    assert renderer.run is not None
+    child = make_process_renderer(command(scene="say(id=id); time.sleep(60)"))._child
     with refused(RendererError):
-        renderer.run(np.zeros((20_000, 2)), DT)
+        child.ask("step", adapter.ANSWER_PATIENCE, hip=[0.0] * 100_000)
 
 
 def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(
@@ -322,7 +282,7 @@ def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is
 ) -> None:
     said = "say(id=id, stiffness_range=[0.4, 3.0], force_resolution=0.05)"
     assert (
-        abilities_of(make_process_renderer(command(scene=said))).meta.items()
+        wrapped(make_process_renderer(command(scene=said))).meta.items()
         >= {"stiffness_least": 0.4, "stiffness_largest": 3.0, "force_resolution": 0.05}.items()
     )
     for wrong in (

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from leading import led
 from made_up_effect import ENTRY, MAGNET_ENTRY, Magnet, Suction
 
 from hapticeval.devices.parallelogram import Parallelogram2
@@ -17,7 +18,7 @@ from hapticeval.effects.friction import Friction
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -67,9 +68,9 @@ def test_an_answer_is_the_base_s_and_the_change_s(kind, name):
     scene = scene_of(kind, Suction(0.2))
     hips = path_into_model(scene.model.dimension)
     plain = resolve(name)(scene)
-    wrapped = make_renderer(resolve(name), scene)
-    ihips, forces = plain.run(hips, 1e-3)
-    found = wrapped.run(hips, 1e-3)
+    shown = make_renderer(resolve(name), scene)
+    ihips, forces = led(plain, hips, 1e-3)
+    found = led(shown, hips, 1e-3)
     frame = scene.model.boundary.closest_point(hips)
     inside = frame.distance < 0.0
     assert 20 < inside.sum() < 60
@@ -77,7 +78,7 @@ def test_an_answer_is_the_base_s_and_the_change_s(kind, name):
     np.testing.assert_allclose(found[1], forces - faded[:, np.newaxis] * frame.normal, rtol=1e-13, atol=1e-15)
     assert np.array_equal(found[0], ihips)
     interpreted = make_renderer(lambda scene: Python(resolve(name)(scene)), scene)
-    for again in (wrapped.run(hips, 1e-3), steps(wrapped, hips), steps(interpreted, hips)):
+    for again in (led(shown, hips, 1e-3), steps(shown, hips), steps(interpreted, hips)):
         assert np.array_equal(again, found)
 
 
@@ -86,9 +87,9 @@ def test_a_closed_loop_composes_the_laws():
     scene = scene_of("circle", Suction(0.2), device=Parallelogram2())
     trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.05]), np.array([[0.0, -1.0]] * 2))
     law = make_renderer(resolve("minimum-distance"), scene)
-    assert abilities_of(law).law is not None
+    assert wrapped(law).law is not None
     python = make_renderer(lambda scene: Python(resolve("minimum-distance")(scene)), scene)
-    assert abilities_of(python).law is None
+    assert wrapped(python).law is None
     runs = [simulate_closed_loop(each, trial, scene, 1e-3) for each in (law, python)]
     for name, values in runs[0].channels.items():
         assert np.array_equal(values, runs[1].channels[name]), name
@@ -113,7 +114,7 @@ def test_a_boundary_in_python_gives_the_same_to_rounding():
     bare = replace(scene.model, boundary=Python2(scene.model.boundary))
     renderer = make_renderer(lambda _: answers, replace(scene, model=bare))
     np.testing.assert_allclose(
-        renderer.run(hips, 1e-3), make_renderer(resolve("minimum-distance"), scene).run(hips, 1e-3), rtol=1e-14
+        led(renderer, hips, 1e-3), led(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3), rtol=1e-14
     )
 
 
@@ -124,11 +125,11 @@ def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused(refused):
     scene = scene_of("circle", Suction(0.2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(EFFECTS, Suction.kind, ENTRY)
-        assert isinstance(make_renderer(lambda s: Shows(resolve("constraint")(s)), scene), Shows)
+        assert isinstance(make_renderer(lambda s: Shows(resolve("constraint")(s)), scene).renderer, Shows)
     with refused(RefusalError):
         make_renderer(resolve("ideal"), scene)
     plain = replace(scene, effects=())
-    assert type(make_renderer(resolve("constraint"), plain)) is type(resolve("constraint")(plain))
+    assert type(make_renderer(resolve("constraint"), plain).renderer) is type(resolve("constraint")(plain))
 
 
 @pytest.mark.parametrize("effect", [ViscousFriction(0.5), Friction(0.5, 0.3)], ids=lambda effect: effect.kind)
@@ -138,7 +139,7 @@ def test_a_force_outside_of_contact_is_no_contact_to_others(monkeypatch, effect)
     hips = path_into_model(2)
     hips[:, 1] += np.linspace(0.0, 0.02, len(hips))  # along the surface from the start
     magnet_alone, both, other_alone = (
-        make_renderer(resolve("minimum-distance"), scene_of("circle", *effects)).run(hips, 1e-3)
+        led(make_renderer(resolve("minimum-distance"), scene_of("circle", *effects)), hips, 1e-3)
         for effects in ((Magnet(0.2),), (Magnet(0.2), effect), (effect,))
     )
     outside = make_model("circle").boundary.signed_distance(hips) > 0.0
@@ -173,7 +174,7 @@ def test_what_a_renderer_does_to_its_arrays_changes_no_effect():
     bare = resolve("minimum-distance")
     right = steps(make_renderer(lambda scene: Python(bare(scene)), scene), hips)
     untidy = make_renderer(lambda scene: Untidy(bare(scene)), scene)
-    for answers in (steps(untidy, hips), untidy.run(hips, 1e-3)):
+    for answers in (steps(untidy, hips), led(untidy, hips, 1e-3)):
         np.testing.assert_allclose(answers, right, rtol=1e-12)
 
 
@@ -181,7 +182,7 @@ def test_an_effect_refuses_by_name(refused):
     scene = scene_of("circle", Suction(0.2, deepest=0.02))
     renderer = make_renderer(resolve("minimum-distance"), scene)
     with refused(DomainError):
-        renderer.run(path_into_model(2), 1e-3)
+        led(renderer, path_into_model(2), 1e-3)
 
 
 @pytest.mark.parametrize("kind", ["circle", "star", "cassinian", "line", "ellipse", "sphere", "torus", "ellipsoid"])

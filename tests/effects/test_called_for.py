@@ -11,6 +11,7 @@ from pathlib import Path
 import made_up_effect
 import numpy as np
 import pytest
+from leading import led
 from made_up_effect import Suction
 from numba.core.types import FunctionType
 
@@ -88,7 +89,7 @@ def test_without_effects_the_renderer_is_the_one_that_its_factory_made(name):
     for channel, values in plain.channels.items():
         assert np.array_equal(values, machinery.channels[channel]), channel
     hips = plain.hip.copy()
-    assert np.array_equal(base.run(hips, 1e-3), found.run(hips, 1e-3))
+    assert np.array_equal(led(base, hips, 1e-3), led(found, hips, 1e-3))
 
 
 def test_an_effect_that_is_called_for_and_does_nothing_changes_no_bit():
@@ -112,7 +113,7 @@ from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.sensors import Encoder
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
@@ -124,7 +125,7 @@ trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.
 plain = Scene(model=make_model("circle"), device=Parallelogram2())
 affected = replace(plain, effects=(Encoder(1e-4), Suction(0.2)))
 for scene in ({scenes}):
-    law = abilities_of(make_renderer(resolve("minimum-distance"), scene)).law
+    law = wrapped(make_renderer(resolve("minimum-distance"), scene)).law
     code = machine_code(kernels.run, law_value(law.function, law.data), law.data, loop_of(trial, scene, 1e-3))
     if scene is plain:
         print(len(code), hashlib.sha256(code).hexdigest())

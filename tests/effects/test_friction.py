@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
@@ -22,7 +23,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.renderer import Response, abilities_of
+from hapticeval.renderer import Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -47,7 +48,7 @@ def scene_of(kind, *effects, model=None, **more):
 
 def answers(scene, hips, *, base="minimum-distance", dt=1e-3):
     """IHIPs and forces along HIPs that start in free space."""
-    return make_renderer(resolve(base), scene).run(np.asarray(hips, dtype=float), dt)
+    return led(make_renderer(resolve(base), scene), np.asarray(hips, dtype=float), dt)
 
 
 def to_and_fro(laps=2, rate=1000, depth=DEPTH):
@@ -305,10 +306,10 @@ def test_step_run_and_python_give_the_same_bits(kind, effects):
     time = np.linspace(0.0, 1.0, 300)
     hips[:, 0] = 0.105 - 0.05 * np.minimum(4.0 * time, 1.0)
     hips[:, 1] = 0.01 * np.sin(20.0 * time) * np.maximum(time - 0.25, 0.0)
-    wrapped = make_renderer(resolve("minimum-distance"), scene)
-    found = wrapped.run(hips, 1e-3)
+    shown = make_renderer(resolve("minimum-distance"), scene)
+    found = led(shown, hips, 1e-3)
     bare = make_renderer(lambda given: Python(resolve("minimum-distance")(given)), scene)
-    for renderer in (wrapped, bare):
+    for renderer in (shown, bare):
         renderer.reset(hips[0])
         velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
         steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
@@ -322,7 +323,7 @@ def test_a_closed_loop_with_and_without_python_is_the_same():
                 stiffness=200.0, damping=4.0)  # fmt: skip
     trial = Experiment(0.4, np.array([0.0, 0.1005]), np.zeros(2), np.zeros(1), np.zeros((1, 2)), hand)
     law = make_renderer(resolve("minimum-distance"), scene)
-    assert abilities_of(law).law is not None
+    assert wrapped(law).law is not None
     python = make_renderer(lambda given: Python(resolve("minimum-distance")(given)), scene)
     runs = [simulate_closed_loop(each, trial, scene, 1e-3) for each in (law, python)]
     for name, values in runs[0].channels.items():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leading import led as led_along
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
@@ -39,7 +40,7 @@ def led(law, x, dt=1e-3, *, depth=DEPTH, kind="line"):
     x = np.asarray(x, dtype=float)
     hips = np.column_stack([np.concatenate([[x[0], x[0]], x]), np.full(x.size + 2, -1.0) * depth])
     hips[0, 1] = depth
-    _, forces = make_renderer(resolve("minimum-distance"), scene).run(hips, dt)
+    _, forces = led_along(make_renderer(resolve("minimum-distance"), scene), hips, dt)
     return forces[2:, 0]
 
 
@@ -91,7 +92,7 @@ def test_it_scales_with_the_press_and_lets_go_with_it():
     np.testing.assert_allclose(led(law, x, depth=2e-3)[-1], 2.0 * led(law, x)[-1], rtol=1e-9)
     hips = np.array([[0.0, 1e-3], [0.0, -2e-3], [1e-3, -2e-3], [1e-3, -1e-3], [1e-3, -0.2e-3]])
     scene = Scene(model=make_model("line"), effects=(law,))
-    force = make_renderer(resolve("minimum-distance"), scene).run(hips, 1e-3)[1][:, 0]
+    force = led_along(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3)[1][:, 0]
     assert -force[2] == pytest.approx(0.3 * 2.0 * (1.0 - math.exp(-5e3 * 1e-3 / 0.6)), rel=1e-9)
     np.testing.assert_allclose(-force[3:], [0.5 * 1.0, 0.5 * 0.2], rtol=1e-9)
 
@@ -102,8 +103,8 @@ def test_bristles_turn_with_the_surface():
     angle = np.linspace(0.0, 1.0, 2000)
     tilt = np.array([[1.0, 0.0], [0.0, 0.6], [0.0, 0.8]])
     hips = np.column_stack([np.cos(angle), np.sin(angle)]) @ tilt.T * np.r_[0.101, np.full(1999, 0.098)][:, np.newaxis]
-    _, forces = make_renderer(resolve("minimum-distance"), Scene(model=make_model("sphere"), effects=(law,))).run(
-        hips, 1e-3
+    _, forces = led(
+        make_renderer(resolve("minimum-distance"), Scene(model=make_model("sphere"), effects=(law,))), hips, 1e-3
     )
     way = (np.column_stack([-np.sin(angle), np.cos(angle)]) @ tilt.T)[1000]
     speed = 0.098 * (angle[1] - angle[0]) / 1e-3

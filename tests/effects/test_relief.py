@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from leading import led
 from numpy.polynomial.legendre import leggauss
 
 from hapticeval.devices.parallelogram import Parallelogram2
@@ -154,10 +155,10 @@ def test_the_base_s_damper_is_kept(scheme):
     hips = np.column_stack([1e-5 * np.arange(200), -1e-3 - 5e-4 * np.sin(np.arange(200) / 30)])
     scene = {"damping": 2.0}
     model = make_model("line")
-    bare = resolve(f"minimum-distance+{scheme}")(Scene(model=model, **scene)).run(hips, 1e-3)[1]
-    spring = resolve("minimum-distance")(Scene(model=model)).run(hips, 1e-3)[1]
-    raised = rendered(HeightMap(**SINE), model, f"minimum-distance+{scheme}", **scene).run(hips, 1e-3)[1]
-    raised_spring = rendered(HeightMap(**SINE), model).run(hips, 1e-3)[1]
+    bare = led(resolve(f"minimum-distance+{scheme}")(Scene(model=model, **scene)), hips, 1e-3)[1]
+    spring = led(resolve("minimum-distance")(Scene(model=model)), hips, 1e-3)[1]
+    raised = led(rendered(HeightMap(**SINE), model, f"minimum-distance+{scheme}", **scene), hips, 1e-3)[1]
+    raised_spring = led(rendered(HeightMap(**SINE), model), hips, 1e-3)[1]
     assert np.abs(bare - spring).max() > 1e-3
     np.testing.assert_allclose(raised - raised_spring, bare - spring, atol=1e-14)
 
@@ -173,7 +174,7 @@ def test_run_step_and_a_closed_loop_give_the_same_bits(effect, kind):
     hips = np.tile(start, (200, 1))
     hips[:, 0] = 5e-5 * np.arange(200)
     hips[:, 1] -= 1e-3 * np.sin(np.arange(200) / 25)
-    found = renderer.run(hips, 1e-3)
+    found = led(renderer, hips, 1e-3)
     renderer.reset(hips[0])
     velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
     steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
@@ -212,7 +213,7 @@ def test_a_height_map_needs_the_nearest_point(refused):
     make_renderer(resolve("mapping"), Scene(model=scene.model, effects=(BumpMap(**SINE),)))
     aside = make_renderer(lambda _: Aside(), Scene(model=make_model("line"), effects=(HeightMap(**SINE),)))
     with refused(DomainError):
-        aside.run(np.array([[0.0, -1e-3], [0.02, -1e-3]]), 1e-3)
+        led(aside, np.array([[0.0, -1e-3], [0.02, -1e-3]]), 1e-3)
 
 
 def case(speed, kind="line", **effect):

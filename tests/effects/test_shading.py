@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.shading import Shading, facets, normals_at, turned
@@ -79,7 +80,7 @@ def test_a_loop_gives_the_work_of_the_closed_form(n, mj):
     theta, length = math.pi / n, 2.0 * RADIUS * math.sin(math.pi / n)
     shallow, deep = 0.5e-3, 1.5e-3
     hips = base.at(*way_round(length, shallow, deep))
-    there, back = (make_renderer(OfOneFacet, scene).run(each, 1e-3)[1] for each in (hips, hips[::-1]))
+    there, back = (led(make_renderer(OfOneFacet, scene), each, 1e-3)[1] for each in (hips, hips[::-1]))
     closed = STIFFNESS * (deep - shallow) * 0.5 * length * math.tan(0.5 * theta)
     closed -= 0.5 * STIFFNESS * (deep**2 - shallow**2) * (1.0 - math.cos(theta))
     assert closed == pytest.approx(1e-3 * mj, rel=1e-3)
@@ -92,7 +93,7 @@ def test_a_facet_crossed_at_constant_depth_gives_nothing():
     base = OfOneFacet(scene)
     along = np.linspace(1e-6, 2.0 * RADIUS * math.sin(math.pi / 8) - 1e-6, 2001)
     hips = base.at(along, np.full(along.size, 1e-3))
-    assert work(make_renderer(OfOneFacet, scene).run(hips, 1e-3)[1], hips) == pytest.approx(0.0, abs=1e-12)
+    assert work(led(make_renderer(OfOneFacet, scene), hips, 1e-3)[1], hips) == pytest.approx(0.0, abs=1e-12)
 
 
 @given(
@@ -155,7 +156,7 @@ def test_the_force_turns_without_a_jump_through_a_notch(crease):
     inwards = -(corner.normal_pre + corner.normal_post)
     centre = corner.position + 0.002 * inwards / np.linalg.norm(inwards)
     hips = centre + 0.0015 * np.column_stack([np.cos(angle), np.sin(angle)])
-    force = make_renderer(resolve("minimum-distance"), shaded(model, crease)).run(hips, 1e-3)[1]
+    force = led(make_renderer(resolve("minimum-distance"), shaded(model, crease)), hips, 1e-3)[1]
     unit = force / np.linalg.norm(force, axis=1)[:, np.newaxis]
     turn = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
     assert turn.max() < 0.02
@@ -166,7 +167,7 @@ def test_run_step_and_a_closed_loop_give_the_same_bits(name):
     scene = shaded(regular(8), 60.0, damping=1.0, mass=0.3)
     hips = np.column_stack([np.linspace(0.11, 0.088, 200), np.linspace(-0.03, 0.03, 200)])
     renderer = make_renderer(resolve(name), scene)
-    ihips, forces = renderer.run(hips, 1e-3)
+    ihips, forces = led(renderer, hips, 1e-3)
     renderer.reset(hips[0])
     velocity = backward_difference(hips, 1e-3 * np.arange(len(hips)))
     for k, (hip, speed) in enumerate(zip(hips, velocity, strict=True)):
@@ -210,9 +211,9 @@ def prism_of(n):
 def test_a_prism_is_shaded_as_its_cross_section_is(n):
     """Its sides are cut into triangles, which changes no normal, and its caps are sharp."""
     hips = np.column_stack([np.linspace(0.11, 0.07, 120), np.linspace(-0.04, 0.05, 120)])
-    flat = make_renderer(resolve("minimum-distance"), shaded(regular(n), 75.0)).run(hips, 1e-3)
+    flat = led(make_renderer(resolve("minimum-distance"), shaded(regular(n), 75.0)), hips, 1e-3)
     there = np.column_stack([hips, np.linspace(-0.011, 0.013, 120)])
-    found = make_renderer(resolve("minimum-distance"), shaded(prism_of(n), 75.0)).run(there, 1e-3)
+    found = led(make_renderer(resolve("minimum-distance"), shaded(prism_of(n), 75.0)), there, 1e-3)
     assert np.abs(flat[1]).max() > 5.0
     np.testing.assert_allclose(found[1][:, :2], flat[1], atol=1e-9)
     assert np.abs(found[1][:, 2]).max() < 1e-9

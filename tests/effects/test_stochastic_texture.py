@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from leading import led
 from msgspec import structs
 from scipy.signal import welch
 
@@ -125,7 +126,7 @@ def test_the_noise_is_white_normal_and_its_seed_s():
 @pytest.mark.parametrize(("speed", "depth"), [(0.1, 1e-3), (0.13, 0.7e-3)])
 def test_vibrations_have_the_spectrum_of_their_filter(name, speed, depth):
     """At a filter of the texture and between some: Welch's estimate over 10 s, within its 99.9 % quantile of .62 dB."""
-    force = rendered(texture=name).run(stroke(speed, depth, 10.0), 1e-3)[1]
+    force = led(rendered(texture=name), stroke(speed, depth, 10.0), 1e-3)[1]
     np.testing.assert_allclose(force[:, 1], 1e3 * depth, rtol=1e-12)
     at = named(name).between(speed, 1e3 * depth)
     _, found = welch(force[1:, 0] / 0.5, 1e3, nperseg=256)
@@ -164,13 +165,13 @@ def test_run_step_reset_and_closed_loop_give_the_same_bits(base, direction):
     renderer = rendered("circle", base, direction=direction)
     angle = np.linspace(0.0, 0.4, 300)
     hips = (0.1 - 1e-3 * np.sin(6 * angle))[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)])
-    found = renderer.run(hips, 1e-3)
+    found = led(renderer, hips, 1e-3)
     velocities = backward_difference(hips, 1e-3 * np.arange(300))
     for _ in range(2):
         renderer.reset(hips[0])
         steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
         assert np.array_equal([each.force for each in steps], found[1])
-    assert not np.array_equal(found[1], rendered("circle", base, direction=direction, seed=2).run(hips, 1e-3)[1])
+    assert not np.array_equal(found[1], led(rendered("circle", base, direction=direction, seed=2), hips, 1e-3)[1])
     effects = (StochasticTexture(**RIBBED, direction=direction),)
     scene = Scene(model=make_model("circle"), effects=effects, device=Parallelogram2())
     start, push = np.array([0.0, 0.0999]), np.array([[0.3, -1.0]])
@@ -191,24 +192,24 @@ def test_the_way_of_the_vibration():
     along = np.gradient(hips, axis=0)
     along /= np.linalg.norm(along, axis=1)[:, np.newaxis]
     across = np.cross(along, normal)
-    bare = resolve("minimum-distance")(Scene(model=make_model("sphere"))).run(hips, 1e-3)[1]
+    bare = led(resolve("minimum-distance")(Scene(model=make_model("sphere"))), hips, 1e-3)[1]
     for direction, way in (("along", along), ("across", across), ("normal", normal)):
-        shaken = rendered("sphere", direction=direction).run(hips, 1e-3)[1] - bare
+        shaken = led(rendered("sphere", direction=direction), hips, 1e-3)[1] - bare
         size = np.abs(np.sum(shaken * way, axis=1))[2:]
         assert size.max() > 0.1
         np.testing.assert_allclose(size, np.linalg.norm(shaken, axis=1)[2:], rtol=1e-4)
-    pressed = rendered("sphere", direction="normal", mass=5.0).run(hips, 1e-3)[1]
+    pressed = led(rendered("sphere", direction="normal", mass=5.0), hips, 1e-3)[1]
     assert np.sum(pressed * normal, axis=1).min() == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_sample_is_held_where_the_loop_is_faster_and_nothing_shakes_without_pressure_or_speed():
     hips = np.column_stack([np.arange(2000) * 2.5e-5, np.full(2000, -1e-3)])
-    fine = rendered().run(hips, 2.5e-4)[1][:, 0]
+    fine = led(rendered(), hips, 2.5e-4)[1][:, 0]
     assert np.count_nonzero(np.diff(fine)) <= 500
-    assert np.std(fine) == pytest.approx(np.std(rendered().run(hips[::4], 1e-3)[1][:, 0]), rel=0.3)
-    free = rendered().run(hips * [1.0, -1.0], 1e-3)[1]
+    assert np.std(fine) == pytest.approx(np.std(led(rendered(), hips[::4], 1e-3)[1][:, 0]), rel=0.3)
+    free = led(rendered(), hips * [1.0, -1.0], 1e-3)[1]
     assert not free.any()
-    still = rendered().run(np.full((500, 2), -1e-3), 1e-3)[1]
+    still = led(rendered(), np.full((500, 2), -1e-3), 1e-3)[1]
     assert not still[:, 0].any()
 
 
@@ -394,7 +395,7 @@ def test_a_speed_that_jumps_from_tick_to_tick_does_not_switch_filters():
     jumpy = stroke(0.0, 1e-3, 4.0)
     jumpy[:, 0] = 1e-4 * np.cumsum(np.arange(4000) % 2)  # a tick at rest, a tick at .1 m/s
     smooth = stroke(0.05, 1e-3, 4.0)
-    rms = [np.std(rendered(texture=texture, mass=1.0).run(hips, 1e-3)[1][:, 0]) for hips in (jumpy, smooth)]
+    rms = [np.std(led(rendered(texture=texture, mass=1.0), hips, 1e-3)[1][:, 0]) for hips in (jumpy, smooth)]
     between = math.sqrt(autocovariance(texture.between(0.05, 1.0), 1)[0])
     assert rms == pytest.approx([between] * 2, rel=0.2)
     switched = [coefficients_of(each.ar) for each in (calm, keen)]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.devices.device import apparent_mass
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
@@ -50,8 +51,8 @@ def taps(count=3, each=100):
 def added(effect, hips, dt=1e-3, base="minimum-distance", **more):
     """The force (n,), N, along the normal of a line that an effect adds along a path, and where there is contact."""
     scene = Scene(model=make_model("line"), sampling_time=dt, **more)
-    plain = resolve(base)(scene).run(hips, dt)
-    found = make_renderer(resolve(base), scene.with_effects(effect)).run(hips, dt)
+    plain = led(resolve(base)(scene), hips, dt)
+    found = led(make_renderer(resolve(base), scene.with_effects(effect)), hips, dt)
     assert np.array_equal(found[0], plain[0])
     assert not (found[1] - plain[1])[:, 0].any()
     return found[1][:, 1] - plain[1][:, 1], np.any(plain[0] != hips, axis=1)
@@ -162,7 +163,7 @@ def test_a_pulse_is_replayed_to_the_bit_and_keeps_its_impulse_at_another_rate():
     first = int(np.argmax(contact))
     scene = Scene(model=make_model("line"), effects=(PULSE,))
     renderer = make_renderer(lambda _: Silent(), scene)
-    found = renderer.run(into(0.1), 1e-3)[1][:, 1]
+    found = led(renderer, into(0.1), 1e-3)[1][:, 1]
     assert found[first : first + 4].tolist() == list(PULSE.pulse)
     assert not np.delete(found, np.arange(first, first + 4)).any()
     for dt in (0.3e-3, 0.7e-3, 2.5e-3):
@@ -240,8 +241,8 @@ def test_run_step_and_a_closed_loop_give_the_same_bits(effect, model, device):
     hips = np.zeros((120, size))
     hips[:, -1] = (0.1 if size == 3 else 0.0) + taps(2, 60)[:, 1]
     renderer = make_renderer(resolve("minimum-distance"), scene)
-    whole = renderer.run(hips, 1e-3)
-    assert np.array_equal(renderer.run(hips, 1e-3), whole)
+    whole = led(renderer, hips, 1e-3)
+    assert np.array_equal(led(renderer, hips, 1e-3), whole)
     renderer.reset(hips[0])
     velocity = backward_difference(hips, 1e-3 * np.arange(len(hips)))
     steps = [renderer.step(hip, speed, 1e-3) for hip, speed in zip(hips, velocity, strict=True)]

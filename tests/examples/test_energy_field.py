@@ -21,10 +21,7 @@ class Vortex:
         pass
 
     def step(self, hip, velocity, dt):
-        raise NotImplementedError
-
-    def run(self, hips, dt):
-        return hips, 5e4 * np.sum(hips**2, axis=1, keepdims=True) * hips[:, ::-1] * (-1.0, 1.0)
+        return hip, 5e4 * (hip @ hip) * hip[::-1] * (-1.0, 1.0)
 
 
 def test_the_curl_of_a_vortex_and_the_work_of_its_loops(refused):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.renderer import Renderer, RendererFactory, Response, abilities_of
+from hapticeval.renderer import AnyRenderer, RendererFactory, Response, wrapped
 from hapticeval.scene import Scene
 
 STANDOFF = 1e-4
@@ -51,16 +51,15 @@ class Snapping(Spring):
 class Changed:
     """A renderer that asks another one and changes its answer; what that one declares, it declares too."""
 
-    def __init__(self, scene: Scene, inner: Renderer) -> None:
+    def __init__(self, scene: Scene, inner: AnyRenderer) -> None:
         self.scene = scene
-        self.inner = inner
+        self.inner = wrapped(inner)
 
     def __getattr__(self, name: str) -> Any:
-        abilities = abilities_of(self.inner)
-        if name == "observe_force" and abilities.observe_force:
-            return self.inner.observe_force  # type: ignore[attr-defined]
+        if name == "observe_force" and self.inner.observes_force:
+            return self.inner.observe_force
         if name in ("surface", "resolution", "standoff", "supports", "declares"):
-            return getattr(abilities, name)
+            return getattr(self.inner, name)
         raise AttributeError(name)
 
     def reset(self, hip: np.ndarray) -> None:

@@ -6,17 +6,17 @@ memory, which starts anew with each contact.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from functools import partial
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import honest
 import numpy as np
 from honest import Spring
 
+from hapticeval.discovery import resolve
 from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
 
@@ -174,47 +174,48 @@ def single(scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Rend
     return honest.Single(scene, Moved(scene, rule, inner))
 
 
-class Uncopied(Moved):
-    """A renderer that cannot be copied, as one behind a pipe."""
-
-    def __deepcopy__(self, memo: object) -> Uncopied:
-        raise TypeError("this renderer cannot be copied")
-
-
-class Handle:
-    """A renderer whose state lives elsewhere, as in a library: a copy is the same state once more."""
-
-    STATES: ClassVar[dict[int, Moved]] = {}
-    NUMBERS: ClassVar[Iterator[int]] = itertools.count()
-
-    def __init__(self, scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None):
-        self.number = next(self.NUMBERS)
-        self.STATES[self.number] = Moved(scene, rule, inner)
-
-    def reset(self, hip: np.ndarray) -> None:
-        self.STATES[self.number].reset(hip)
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        return self.STATES[self.number].step(hip, velocity, dt)
-
-
-class OffStep(Spring):
-    """A `run` whose contact points lie 0.1 mm deeper than those of its own `step`."""
+class LawApart(Spring):
+    """A `law` whose contact points lie 0.1 mm above those of its own `step`."""
 
     off = 1e-4
 
-    def run(self, hips: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-        answers: Iterable[Response] = [self.step(hip, np.zeros_like(hip), dt) for hip in hips]
-        ihips, forces = map(np.array, zip(*answers, strict=True))
-        inside = np.any(ihips != hips, axis=1)
-        normals = self.boundary.closest_point(ihips).normal
-        return ihips - self.off * inside[:, np.newaxis] * normals, forces
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self.law = resolve("minimum-distance")(scene).law  # type: ignore[union-attr]
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = self.law_in_python(hip, velocity, dt)
+        if self.off == 0.0 or np.array_equal(ihip, hip):
+            return Response(ihip, force)
+        return Response(ihip - self.off * self.boundary.closest_point(ihip[np.newaxis]).normal[0], force)
+
+    def law_in_python(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        """The answer of the law, to the bit."""
+        ihip, force, push = np.empty_like(hip), np.empty_like(hip), np.zeros_like(hip)
+        self.law.function(self.law.data, hip, velocity, push, dt, ihip, force)
+        return Response(ihip, force)
 
 
-class InStep(OffStep):
-    """A `run` that is its own `step`."""
+class LawWithStep(LawApart):
+    """A `law` that is its own `step`."""
 
     off = 0.0
+
+
+class LetsGo(Spring):
+    """Right in a whole path at once, which nobody asks for; its `step` lets go after 64 ticks of contact."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.ticks = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        self.ticks = self.ticks + 1 if np.any(force) else 0
+        return Response(ihip, force) if self.ticks <= 64 else Response(hip, 0.0 * hip)
+
+    def run(self, hips: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        answers = [super(LetsGo, self).step(hip, 0.0 * hip, dt) for hip in hips]
+        return np.array([ihip for ihip, _ in answers]), np.array([force for _, force in answers])
 
 
 BROKEN: dict[str, Callable[[], Rule]] = {

@@ -212,7 +212,11 @@ BROKEN: Mapping[str, Outsider] = {
         ThriceAsStiff, {"comes-to-rest": "3,000 N/m, and a hand whose damping allows 2,000"}, ("rest",)
     ),
     "wanders": Outsider(Wandering, {"drift": "the IHIP wanders by a nanometre a tick"}, ("laps",)),
-    "runs-apart": Outsider(jumping.OffStep, breaks="run() and step() differ"),
+    "law-apart": Outsider(jumping.LawApart, breaks="law and step() differ"),
+    "tires": Outsider(
+        jumping.LetsGo,
+        {"contact-kept": "after 64 ticks its step lets go of a hand inside", "memoryless": MEMORY},
+    ),
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
 

@@ -17,7 +17,7 @@ from outsiders import CASES, case
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError
 from hapticeval.phenomena.verdict import Level, Verdict
-from hapticeval.renderer import Declaration, Response, abilities_of
+from hapticeval.renderer import Declaration, Response, wrapped
 from hapticeval.renderer import Spring as Along
 from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
@@ -183,15 +183,15 @@ def test_a_range_that_would_ask_nothing_is_refused(refused, shares, sound):
     renderer = Spring(CASES["slide"].build_scene())
     renderer.declares = Declaration(stiffness_range=shares)
     if sound:
-        assert abilities_of(renderer).declares is renderer.declares
+        assert wrapped(renderer).declares is renderer.declares
     else:
         with refused(RendererError):
-            abilities_of(renderer)
+            wrapped(renderer)
 
 
 def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():
     """Of `homothetic` it is H^2 / h^2: 478 to 1,582 N/m on the Cassinian, as docs/continuous-and-passive.md has it."""
-    said = abilities_of(resolve("homothetic")(LOOPS.build_scene())).declares
+    said = wrapped(resolve("homothetic")(LOOPS.build_scene())).declares
     assert said.spring is Along.NORMAL
     assert said.stiffness_range == pytest.approx((0.478, 1.582), rel=2e-3)
 

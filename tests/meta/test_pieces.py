@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from pieces import GodObject, Hopping, Nearest, Unhurried
 
 from hapticeval.phenomena.verdict import Finding, Outcome
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite
@@ -47,8 +47,8 @@ def test_on_pieces_that_it_chose_itself_it_is_blamed():
             del self.pieces
 
     scene = SUITE.case("sphere-deep").build_scene()
-    assert abilities_of(Chosen(scene)).pieces is None
-    assert abilities_of(GodObject(scene)).pieces is not None
+    assert wrapped(Chosen(scene)).pieces is None
+    assert wrapped(GodObject(scene)).pieces is not None
     assert finding_of(Chosen, "sphere-deep").outcome is Outcome.FAIL
 
 

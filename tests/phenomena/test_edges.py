@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leading import led
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.geometry.catalogue import make_model, mesh
@@ -214,7 +215,7 @@ def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_
     random = np.random.default_rng(5)
     hips = random.uniform(-0.08, 0.08, 3) + np.cumsum(0.012 * random.normal(size=(400, 3)), axis=0)
     _, features, tools = scene.model.boundary.rigid_tool(hips)
-    ihips, _ = constraint(scene).run(hips, 1e-3)
+    ihips, _ = led(constraint(scene), hips, 1e-3)
     np.testing.assert_array_equal(tools, ihips)
     assert np.array_equal(features == IN_FREE_SPACE, (ihips == hips).all(axis=1))
 

@@ -27,7 +27,7 @@ from hapticeval.phenomena.checks import passivity
 from hapticeval.phenomena.measures import gained_work
 from hapticeval.phenomena.measures.closed_paths import laps
 from hapticeval.phenomena.verdict import Level
-from hapticeval.renderer import Declaration, Response, Spring, abilities_of
+from hapticeval.renderer import Declaration, Response, Spring, wrapped
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
@@ -473,14 +473,14 @@ def test_a_declared_scatter_is_allowed_up_to_a_tenth_of_the_force_and_where_the_
 
 
 def test_a_declaration_is_metadata_of_the_recording(refused):
-    assert abilities_of(resolve("minimum-distance")(ROUND)).meta["spring"] == Spring.ERROR
-    assert abilities_of(resolve("conformal")(ROUND)).meta["spring"] == Spring.NORMAL
-    assert "spring" not in abilities_of(resolve("minimum-distance+square-root")(ROUND)).meta
+    assert wrapped(resolve("minimum-distance")(ROUND)).meta["spring"] == Spring.ERROR
+    assert wrapped(resolve("conformal")(ROUND)).meta["spring"] == Spring.NORMAL
+    assert "spring" not in wrapped(resolve("minimum-distance+square-root")(ROUND)).meta
     for wrong in ("error", Declaration(force_scatter=math.nan), Declaration(ihip_scatter=-1.0)):
         renderer = honest.Spring(ROUND)
         renderer.declares = wrong
         with refused(RendererError):
-            abilities_of(renderer)
+            wrapped(renderer)
 
 
 # The loops of the suite

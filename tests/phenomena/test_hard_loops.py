@@ -18,11 +18,12 @@ from hapticeval.laws import law_value
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Answers, abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation import kernels
 from hapticeval.simulation.closed_loop import loop_of
+from hapticeval.simulation.playback import Rows, Ticks, lead_on
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.reading import load_suite
 
@@ -263,7 +264,7 @@ def test_ten_million_ticks_of_rest_do_not_drift(name):
     scene = case.build_scene()
     renderer = resolve(name)(scene)
     experiment = replace(case.build_stimulus(scene, renderer), duration=(PART - 1) * 1e-3)
-    loop, law = loop_of(experiment, scene, 1e-3), abilities_of(renderer).law
+    loop, law = loop_of(experiment, scene, 1e-3), wrapped(renderer).law
     renderer.reset(loop.out.measured_hip[0])
     ends = []
     for _ in range(TICKS // PART):
@@ -284,12 +285,10 @@ def test_ten_million_ticks_of_laps_do_not_drift(name):
     lap = np.array([0.06, 0.0]) + 0.035 * np.column_stack([np.cos(turn), np.sin(turn)])
     hips = np.tile(lap, (PART // 500, 1))
     renderer.reset(np.array([0.2, 0.0]))
-    law = abilities_of(renderer).law
-    speeds, times, out = np.zeros_like(hips), np.full(PART, 1e-3), Answers.room(hips)
+    rows = Rows(hips, np.zeros_like(hips), np.full(PART, 1e-3))
     first, drift = None, 0.0
     for _ in range(TICKS // PART):
-        assert law.lead(hips, speeds, times, out) == (PART, 0)
-        answers = np.hstack(out[:2]).reshape(-1, 500, 4)
+        answers = np.hstack(lead_on(wrapped(renderer), rows, Ticks(0))[:2]).reshape(-1, 500, 4)
         first = answers[1] if first is None else first
         drift = max(drift, float(np.abs(answers[1:] - first).max()))
     print(f"\n{name}: {TICKS:.0e} ticks, answers {drift:.2g}")

@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from honest import Spring
+from leading import led
 from made import found, recorded
 from msgspec.structs import replace
 
@@ -217,7 +218,7 @@ def test_no_foot_is_farther_than_the_nearest_by_more_than_rounding(name):
     scene = case.build_scene()
     renderer = resolve("minimum-distance")(scene)
     hips = case.build_stimulus(scene, renderer).sampled(scene.sampling_time)[1]
-    ihips, _ = renderer.run(hips, scene.sampling_time)
+    ihips, _ = led(renderer, hips, scene.sampling_time)
     pressed = np.flatnonzero(np.any(ihips != hips, axis=1))
     polygon = scene.model.polygon()
     vertices, longest = polygon.vertices, float(np.linalg.norm(polygon.edges, axis=1).max())

@@ -11,6 +11,7 @@ import sympy
 from hand_paths import star_shaped
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.compiled import compiled
 from hapticeval.discovery import resolve
@@ -35,7 +36,7 @@ from hapticeval.records import as_record, numbers_of
 from hapticeval.renderers import level_curves, minimum_distance
 from hapticeval.renderers.level_curves import combescure, homothetic
 from hapticeval.renderers.potential import POTENTIAL, NoKernelError, centre_of, level_at, level_values
-from hapticeval.renderers.projective import regulated
+from hapticeval.renderers.projective import ProjectiveRenderer
 from hapticeval.renderers.regulation import REGULATIONS
 from hapticeval.scene import Scene
 
@@ -90,7 +91,7 @@ def loop(rng, dimension, count=4000):
 
 def work(renderer, hips):
     """The work (J) on the hand round a closed way, and what the trapezoid may be off by: see `passivity`."""
-    _, forces = renderer.run(hips, DT)
+    _, forces = led(renderer, hips, DT)
     moved = np.diff(hips, axis=0)
     bend = np.diff(forces, n=2, axis=0)
     held = K * np.abs(hips).max() * np.linalg.norm(moved, axis=1).sum()
@@ -250,7 +251,7 @@ def test_the_ihip_moves_no_faster_than_the_map_stretches(name, model, seed):
     middle = within(model, rng, 1e-4)
     hips = middle + np.cumsum(rng.normal(size=(300, 2)) * 3e-6, axis=0)
     assume(np.linalg.norm(hips - centre, axis=1).min() > 2e-3)
-    ihips, _ = renderer.run(hips, DT)
+    ihips, _ = led(renderer, hips, DT)
     assume(np.any(ihips != hips, axis=1).all())
     us = model.curve.nearest(ihips)
     normal, bend = model.curve.normal(us), model.curve.curvature(us)
@@ -286,7 +287,7 @@ def test_the_force_is_normal_and_the_answer_has_no_memory(name, model, seed):
     renderer, rng = rendered(name, model), np.random.default_rng(seed)
     low, high = np.reshape(model.boundary.bounds, (2, -1))
     hips = rng.uniform(low, high, (60, model.dimension))
-    ihips, forces = renderer.run(hips, DT)
+    ihips, forces = led(renderer, hips, DT)
     touches = np.any(ihips != hips, axis=1)
     inside = model.boundary.signed_distance(hips)
     assert np.array_equal(touches[np.abs(inside) > 1e-12], inside[np.abs(inside) > 1e-12] < 0.0)
@@ -295,7 +296,7 @@ def test_the_force_is_normal_and_the_answer_has_no_memory(name, model, seed):
     assert beyond(forces[touches]).max(initial=0.0) < 1e-6
     assert np.all(np.sum(forces * (hips - ihips), axis=1)[touches] < 0.0)
     order = rng.permutation(len(hips))
-    for found, known in zip(renderer.run(hips[order], DT), (ihips, forces), strict=True):
+    for found, known in zip(led(renderer, hips[order], DT), (ihips, forces), strict=True):
         np.testing.assert_array_equal(found, known[order])
 
 
@@ -309,7 +310,7 @@ def test_down_to_half_of_its_reach_combescure_is_the_nearest_point_with_k_times_
     u = rng.uniform(*model.curve.u_range, 400)
     hips = model.curve.position(u) - rng.uniform(0.0, 0.499 * reach, (400, 1)) * model.curve.normal(u)
     if reach > 0.0:
-        for found, known in zip(renderer.run(hips, DT), nearest.run(hips, DT), strict=True):
+        for found, known in zip(led(renderer, hips, DT), led(nearest, hips, DT), strict=True):
             np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-12)
 
 
@@ -320,7 +321,7 @@ def test_the_stiffness_of_homothetic_goes_with_the_support_and_is_k_in_the_geome
         normal = model.curve.normal(u)
         h = np.sum(normal * (model.curve.position(u) - centre), axis=1)
         hips = model.curve.position(u) - 1e-6 * (model.curve.position(u) - centre)
-        ihips, forces = rendered("homothetic", model).run(hips, DT)
+        ihips, forces = led(rendered("homothetic", model), hips, DT)
         apparent = np.linalg.norm(forces, axis=1) / np.abs(np.sum(normal * (ihips - hips), axis=1))
         np.testing.assert_allclose(apparent, K * support**2 / h**2, rtol=1e-6)
         s = model.curve.arc_length(np.append(u, u[0] + np.diff(model.curve.u_range)[0]))
@@ -333,7 +334,7 @@ def test_newton_s_method_and_the_search_by_nearest_points_find_the_same_level(se
     model, rng = PLANE[name], np.random.default_rng(seed)
     renderer = rendered("combescure", model)
     hips = np.array([within(model, rng, 0.51 * renderer.projection.potential[1]) for _ in range(5)])
-    ihips, _ = renderer.run(hips, DT)
+    ihips, _ = led(renderer, hips, DT)
     for hip, ihip in zip(hips, ihips, strict=True):
         x, y, *_ = level_curves._search(renderer.law.data, float(hip[0]), float(hip[1]))
         assert np.hypot(*(ihip - (x, y))) <= 1e-9
@@ -355,7 +356,7 @@ def test_at_the_centre_the_answer_is_finite_and_repeatable(name):
     for model in [*PLANE.values(), *SPACE.values()]:
         renderer = rendered(name, model)
         centre = np.array(renderer.projection.potential[2:])
-        ihips, forces = renderer.run(np.tile(centre, (3, 1)), DT)
+        ihips, forces = led(renderer, np.tile(centre, (3, 1)), DT)
         assert np.isfinite(ihips).all()
         assert np.isfinite(forces).all()
         assert abs(model.boundary.signed_distance(ihips[:1])[0]) < 1e-14
@@ -367,7 +368,7 @@ def test_held_from_both_sides_the_force_turns_at_the_surface(name):
         renderer = resolve(name)(Scene(model=model, stiffness=K, bilateral=True))
         u = np.linspace(*model.curve.u_range, 41)[:-1] + 0.011 * np.diff(model.curve.u_range)
         hips = model.curve.position(u) + 1e-4 * model.curve.normal(u)
-        ihips, forces = renderer.run(hips, DT)
+        ihips, forces = led(renderer, hips, DT)
         assert np.all(np.sum(forces * model.curve.normal(u), axis=1) < 0.0)
         assert np.abs(model.curve.signed_distance(ihips)).max() < 1e-14
 
@@ -382,7 +383,7 @@ def followed(model, renderer, start, step):
     """
 
     def tangent(x):
-        ihips, forces = renderer.run(x[np.newaxis], DT)
+        ihips, forces = led(renderer, x[np.newaxis], DT)
         n = forces[0] / np.hypot(*forces[0])
         return np.array([-n[1], n[0]]), float(model.curve.arc_length(model.curve.nearest(ihips))[0])
 
@@ -498,7 +499,7 @@ def test_a_centre_outside_the_kernel_is_refused_with_a_ray_that_meets_the_bounda
 def test_a_centre_of_one_s_own_inside_the_kernel_is_taken(project):
     for model, centre in ((ellipse(), (0.03, 0.01)), (ellipsoid(), (0.03, 0.01, -0.01)), (SPACE["cube"], (0.01, 0, 0))):
         scene = Scene(model=model, stiffness=K)
-        renderer = regulated(project(scene, "curve", centre=centre), REGULATIONS["gradient"], scene)
+        renderer = ProjectiveRenderer(project(scene, "curve", centre=centre), REGULATIONS["gradient"], scene)
         assert renderer.projection.potential[2:] == pytest.approx(list(centre))
         rng = np.random.default_rng(1)
         hips = 0.5 * np.array(centre) + 0.01 * loop(rng, model.dimension) + 0.015

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from leading import led
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, line, star
@@ -78,7 +79,7 @@ def test_exact_representations_declare_no_standoff(family):
 def test_the_line_is_exact_in_every_representation(family, representation, bilateral):
     renderer = family.variant(representation=representation)(Scene(model=line(), bilateral=bilateral))
     hips = np.array([[0.0, 0.01], [0.5, -0.001], [7.0, -0.3], [-2.0, -0.002], [1.0, 0.002]])
-    ihips, forces = renderer.run(hips, 1e-3)
+    ihips, forces = led(renderer, hips, 1e-3)
     touches = np.array([bilateral, True, True, True, bilateral])
     np.testing.assert_allclose(ihips, np.where(touches[:, None], hips * (1.0, 0.0), hips), atol=1e-15)
     np.testing.assert_allclose(forces, 1000.0 * (ihips - hips), atol=1e-9)

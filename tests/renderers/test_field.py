@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hapticeval.discovery import FIELD, known_renderers, own_renderers, resolve
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, cube, line, sphere
-from hapticeval.renderer import abilities_of, choices_of, configured
+from hapticeval.renderer import choices_of, configured, wrapped
 from hapticeval.scene import Scene
 
 NAMES = sorted(name for name, entry in known_renderers().items() if entry.group == FIELD)
@@ -90,7 +90,7 @@ def test_under_a_flat_face_the_force_is_k_times_the_depth_along_its_normal(name,
     hips = low + share * np.eye(model.dimension)[-1] * 0.04
     hips = np.vstack([hips, np.repeat(hips[-1:], 100, axis=0)])
     _, forces = ticked(renderer, hips)
-    deep = top - hips[-1, -1] + abilities_of(renderer).standoff * ("virtual-proxy" in name)
+    deep = top - hips[-1, -1] + wrapped(renderer).standoff * ("virtual-proxy" in name)
     np.testing.assert_allclose(forces[-1], 1000.0 * deep * np.eye(model.dimension)[-1], rtol=1e-4, atol=1e-4)
 
 
@@ -105,7 +105,7 @@ def test_into_a_ball_the_tool_lies_on_the_radius_and_no_farther_off_than_declare
     ihips, forces = ticked(renderer, np.vstack([hips, np.repeat(hips[-1:], 100, axis=0)]))
     radius = model.size / 2.0
     off = np.linalg.norm(ihips[-1]) - radius
-    allowed = abilities_of(renderer).standoff + 0.2 * abilities_of(renderer).resolution + 1e-6
+    allowed = wrapped(renderer).standoff + 0.2 * wrapped(renderer).resolution + 1e-6
     assert abs(off) <= allowed
     np.testing.assert_allclose(ihips[-1] / np.linalg.norm(ihips[-1]), out, atol=0.02)
     assert np.linalg.norm(forces[-1]) == pytest.approx(1000.0 * (radius - 0.085 + off), rel=0.02)

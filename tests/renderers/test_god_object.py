@@ -7,6 +7,7 @@ import pytest
 from hand_paths import plate, star_shaped, touching, walks
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.geometry.catalogue import EXACT_MAKERS, cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
@@ -27,7 +28,7 @@ def jumps(ihips):
 @given(vertices=star_shaped(), hips=walks())
 def test_a_tool_at_rest_has_no_way_downhill(vertices, hips):
     model = from_vertices(vertices)
-    ihips, forces = constraint(Scene(model=model)).run(hips, 1e-3)
+    ihips, forces = led(constraint(Scene(model=model)), hips, 1e-3)
     polygon = model.polygon()
     on = touching(hips, ihips, forces)
     for hip, ihip in zip(hips[on], ihips[on], strict=True):
@@ -63,7 +64,7 @@ def test_no_segment_is_too_fast_for_a_thin_plate(thickness, x0, x1, above, below
     turn = np.array([[c, s], [-s, c]])
     model = from_vertices(plate(thickness).curve.pieces[:, 3:5] @ turn)
     hips = np.array([[x0, above], [x1, -thickness - below], [x0, -thickness - below], [x0, above]]) @ turn
-    ihips, forces = constraint(Scene(model=model)).run(hips, 1e-3)
+    ihips, forces = led(constraint(Scene(model=model)), hips, 1e-3)
     assert touching(hips, ihips, forces).tolist() == [False, True, True, False]
     np.testing.assert_allclose(ihips[1:3] @ turn.T, [[x1, 0.0], [x0, 0.0]], atol=1e-15)
 
@@ -71,7 +72,7 @@ def test_no_segment_is_too_fast_for_a_thin_plate(thickness, x0, x1, above, below
 def test_a_thin_neck_of_a_curve_is_not_fallen_through():
     model = dumbbell(neck=0.001)
     hips = np.array([[0.0, 0.05], [0.001, -0.05], [0.0, 0.05]])
-    ihips, forces = exact(Scene(model=model)).run(hips, 1e-3)
+    ihips, forces = led(exact(Scene(model=model)), hips, 1e-3)
     assert touching(hips, ihips, forces).tolist() == [False, True, False]
     assert ihips[1] == pytest.approx((0.001, 0.001 * 0.038), abs=1e-12)
 
@@ -83,7 +84,7 @@ def test_a_tip_lets_go_within_one_sample(depth):
     along = np.arange(-299.5, 300.0) * 1e-4
     hips = tip.position + along[:, None] * tip.tangent_pre - depth * tip.normal_pre
     touched = tip.position + along[0] * tip.tangent_pre + 1e-3 * tip.normal_pre
-    ihips, forces = constraint(Scene(model=model)).run(np.vstack([touched, hips]), 1e-3)
+    ihips, forces = led(constraint(Scene(model=model)), np.vstack([touched, hips]), 1e-3)
     on = touching(hips, ihips[1:], forces[1:])
     np.testing.assert_array_equal(on, along < 0.0)
     faces = tip.position + along[on, None] * tip.tangent_pre
@@ -97,7 +98,7 @@ def test_a_notch_holds_the_tool_for_the_whole_arc():
     start = math.atan2(-notch.normal_pre[1], -notch.normal_pre[0])
     turn = start - np.linspace(-0.2, angle + 0.2, 1001)
     hips = notch.position + depth * np.column_stack([np.cos(turn), np.sin(turn)])
-    ihips, forces = constraint(Scene(model=star())).run(hips, 1e-3)
+    ihips, forces = led(constraint(Scene(model=star())), hips, 1e-3)
     inside = (turn <= start) & (turn >= start - angle)
     np.testing.assert_allclose(ihips[inside], np.broadcast_to(notch.position, (inside.sum(), 2)), atol=1e-15)
     assert np.all(np.hypot(*(ihips[~inside] - notch.position).T) > 1e-9)
@@ -109,7 +110,7 @@ def test_a_notch_stops_a_tool_that_would_slide_past_in_one_step():
     # an L: the tool on the lower face is stopped by the wall, however far the hand goes into it
     model = from_vertices([(0, -0.1), (0.2, -0.1), (0.2, 0.1), (0.1, 0.1), (0.1, 0.0), (0.0, 0.0)])
     hips = np.array([[0.02, 0.01], [0.03, -0.01], [0.15, -0.02], [0.15, 0.05], [0.11, 0.12], [0.09, 0.05]])
-    ihips, forces = constraint(Scene(model=model)).run(hips, 1e-3)
+    ihips, forces = led(constraint(Scene(model=model)), hips, 1e-3)
     expected = [(0.02, 0.01), (0.03, 0.0), (0.1, 0.0), (0.1, 0.05), (0.11, 0.12), (0.09, 0.05)]
     np.testing.assert_allclose(ihips, expected, atol=1e-15)
     np.testing.assert_allclose(forces[2], (-50.0, 20.0), atol=1e-9)
@@ -119,7 +120,7 @@ def test_a_tool_that_is_let_go_runs_into_what_stands_in_its_way():
     # released above the left block, the hand is already inside the right one
     model = from_vertices([(0, 0), (0.3, 0), (0.3, 0.1), (0.2, 0.1), (0.2, 0.05), (0.1, 0.05), (0.1, 0.1), (0, 0.1)])
     hips = np.array([[0.05, 0.11], [0.08, 0.09], [0.25, 0.08]])
-    ihips, _ = constraint(Scene(model=model)).run(hips, 1e-3)
+    ihips, _ = led(constraint(Scene(model=model)), hips, 1e-3)
     np.testing.assert_allclose(ihips[1], (0.08, 0.1), atol=1e-15)
     # over the edge of the left block it flies to the hand, and meets the wall of the right one
     np.testing.assert_allclose(ihips[2], (0.2, 0.08), atol=1e-15)
@@ -138,8 +139,8 @@ def test_one_long_step_ends_where_many_short_ones_do(representation, start, edge
     radius = np.hypot(*middles[0]) - depth
     hips = radius * np.column_stack([np.cos(turns), np.sin(turns)])
     renderer = constraint.variant(representation=representation)(Scene(model=model))
-    short, _ = renderer.run(hips, 1e-3)
-    long, _ = renderer.run(hips[[0, -1]], 1e-3)
+    short, _ = led(renderer, hips, 1e-3)
+    long, _ = led(renderer, hips[[0, -1]], 1e-3)
     np.testing.assert_allclose(long[-1], short[-1], atol=1e-12)
     foot = hips[-1] - inward[(start + edges) % 40] * (depth if representation == "polygon" else 0.1 - radius)
     np.testing.assert_allclose(long[-1], foot, atol=1e-12)
@@ -155,7 +156,7 @@ def test_shallow_paths_on_smooth_curves_are_minimum_distance(model, seed, share)
     u = curve.parameter(s)
     reach = 1.0 / np.max(np.abs(curve.curvature(curve.parameter(np.linspace(0, curve.length, 999)))))
     hips = curve.position(u) - share * min(reach, 0.01) * curve.normal(u)
-    ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
+    ihips, _ = led(exact(Scene(model=model)), hips, 1e-3)
     np.testing.assert_allclose(ihips, curve.position(u), atol=1e-11)
 
 
@@ -208,7 +209,7 @@ def test_the_bounds_that_keep_a_march_safe_hold(model):
 def _pop(renderer, depth):
     """The largest IHIP jump (m) and the angle (degrees) at which the path (1 - d) y(s), -45 to 45 degrees, ends."""
     hips = (1.0 - depth) * CASSINIAN.curve.position(np.linspace(-math.pi / 4.0, math.pi / 4.0, 4001))
-    ihips, _ = renderer.run(hips, 1e-3)
+    ihips, _ = led(renderer, hips, 1e-3)
     return np.max(jumps(ihips)), math.degrees(math.atan2(ihips[-1, 1], ihips[-1, 0]))
 
 
@@ -240,7 +241,7 @@ def test_bilateral_contact_follows_from_both_sides():
     radius = 0.1 + 0.02 * np.sin(5.0 * angle)
     ray = np.column_stack([np.cos(angle), np.sin(angle)])
     renderer = exact(Scene(model=circle(), bilateral=True))
-    ihips, forces = renderer.run(radius[:, None] * ray, 1e-3)
+    ihips, forces = led(renderer, radius[:, None] * ray, 1e-3)
     np.testing.assert_allclose(ihips, 0.1 * ray, atol=1e-15)
     np.testing.assert_allclose(forces, 1000.0 * (0.1 - radius)[:, None] * ray, atol=1e-9)
 
@@ -257,5 +258,5 @@ def test_a_hand_that_wanders_in_and_out_of_a_line():
     renderer = constraint(Scene(model=line()))
     x = np.linspace(-1.0, 1.0, 301)
     hips = np.column_stack([x, 0.01 * np.sin(20.0 * x)])
-    ihips, _ = renderer.run(hips, 1e-3)
+    ihips, _ = led(renderer, hips, 1e-3)
     np.testing.assert_allclose(ihips, np.column_stack([x, np.maximum(hips[:, 1], 0.0)]), atol=1e-15)

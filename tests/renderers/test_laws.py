@@ -8,6 +8,7 @@ import pytest
 from hand_paths import star_shaped, ticked, touching, walks
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.viscous_friction import Viscosity
@@ -75,7 +76,7 @@ def test_run_is_reset_and_steps_to_the_last_bit_with_every_scheme(name, model, b
             continue
         renderer = (factory if scheme is None else factory.variant(regulation=scheme))(scene)
         for hips in (rng.uniform(-0.12, 0.12, (20, size)), slow):
-            found, expected = (tried(way, hips) for way in (partial(renderer.run, dt=1e-3), partial(ticked, renderer)))
+            found, expected = (tried(way, hips) for way in (partial(led, renderer, dt=1e-3), partial(ticked, renderer)))
             assert np.array_equal(found, expected)
 
 
@@ -92,7 +93,7 @@ def tried(way, hips):
 @given(model=models, hips=walks(), bilateral=st.booleans())
 def test_pp_is_a_spring_from_hip_to_ihip(family, representation, model, hips, bilateral):
     renderer = family.variant(representation=representation)(Scene(model=model, stiffness=700.0, bilateral=bilateral))
-    ihips, forces = renderer.run(hips, 1e-3)
+    ihips, forces = led(renderer, hips, 1e-3)
     np.testing.assert_allclose(forces, -700.0 * (hips - ihips), rtol=1e-12)
     if bilateral:
         assert np.all(np.any(hips != ihips, axis=1))
@@ -103,7 +104,7 @@ def test_pp_is_a_spring_from_hip_to_ihip(family, representation, model, hips, bi
 @given(model=models, hips=walks(), bilateral=st.booleans())
 def test_the_ihip_lies_on_the_renderers_own_surface(family, representation, model, hips, bilateral):
     renderer = family.variant(representation=representation)(Scene(model=model, bilateral=bilateral))
-    ihips, forces = renderer.run(hips, 1e-3)
+    ihips, forces = led(renderer, hips, 1e-3)
     on = touching(hips, ihips, forces)
     blur = 5e-6 if representation == "level-set" and model.curve.closed else 1e-15
     if on.any():
@@ -119,7 +120,7 @@ def test_the_ihip_lies_on_the_renderers_own_surface(family, representation, mode
 def test_pp_pd_and_transversal_agree_on_straight_normal_projections(family, representation, model, hips):
     scene = Scene(model=model, damping=5.0)
     answers = [
-        family.variant(regulation=name, representation=representation)(scene).run(hips, 1e-3)[1]
+        led(family.variant(regulation=name, representation=representation)(scene), hips, 1e-3)[1]
         for name in ("pp-pd", "transversal")
     ]
     np.testing.assert_allclose(*answers, atol=1e-7)
@@ -144,8 +145,8 @@ def test_a_moved_model_and_path_give_the_moved_answer(family, vertices, hips, an
     there = moved(vertices, angle, mirror, scale)
     model, other = from_vertices(vertices), from_vertices(there[::-1] if mirror else there)
     make = family.variant(representation="polygon")
-    ihips, forces = make(Scene(model=model)).run(hips, 1e-3)
-    ihips_there, forces_there = make(Scene(model=other)).run(moved(hips, angle, mirror, scale), 1e-3)
+    ihips, forces = led(make(Scene(model=model)), hips, 1e-3)
+    ihips_there, forces_there = led(make(Scene(model=other)), moved(hips, angle, mirror, scale), 1e-3)
     np.testing.assert_allclose(ihips_there, moved(ihips, angle, mirror, scale), atol=1e-9 * scale)
     np.testing.assert_allclose(forces_there, moved(forces, angle, mirror, scale), atol=1e-6 * scale)
 
@@ -155,8 +156,8 @@ def test_a_moved_model_and_path_give_the_moved_answer(family, vertices, hips, an
 @given(hips=walks(), quarter=st.integers(0, 3), mirror=st.booleans())
 def test_the_cassinian_answers_alike_in_each_of_its_lobes(family, representation, hips, quarter, mirror):
     renderer = family.variant(representation=representation)(Scene(model=MODELS["cassinian"]))
-    ihips, _ = renderer.run(hips, 1e-3)
-    there, _ = renderer.run(moved(hips, quarter * math.pi / 2.0, mirror, 1.0), 1e-3)
+    ihips, _ = led(renderer, hips, 1e-3)
+    there, _ = led(renderer, moved(hips, quarter * math.pi / 2.0, mirror, 1.0), 1e-3)
     # level set: rounding turns into 1e-11 of tangential play
     np.testing.assert_allclose(there, moved(ihips, quarter * math.pi / 2.0, mirror, 1.0), atol=1e-9)
 
@@ -181,7 +182,7 @@ def test_the_error_rate_starts_at_zero_with_each_contact(family, representation)
         Scene(model=line(), stiffness=1000.0, damping=1.0)
     )
     ys = np.array([1e-3, -1e-3, -3e-3, 1e-3, -2e-3, -1e-3])
-    _, forces = renderer.run(np.column_stack([np.zeros(6), ys]), 1e-3)
+    _, forces = led(renderer, np.column_stack([np.zeros(6), ys]), 1e-3)
     np.testing.assert_allclose(forces[:, 1], [0.0, 1.0, 3.0 + 2.0, 0.0, 2.0, 1.0 - 1.0], atol=1e-12)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
@@ -72,10 +73,10 @@ def test_a_map_has_no_hole_beside_vertices_on_a_straight_edge(clusters, gap, tur
     above, below = ((np.array(places) + side * offs * outs).reshape(-1, 2) @ turned for side in (1.0, -1.0))
     for factory in (COARSE, conformal):
         renderer, other = factory(Scene(model=crowded)), factory(Scene(model=plain))
-        ihips, forces = renderer.run(above, 1e-3)
+        ihips, forces = led(renderer, above, 1e-3)
         assert np.array_equal(ihips, above)
         assert not forces.any()
-        apart = np.linalg.norm(renderer.run(below, 1e-3)[0] - other.run(below, 1e-3)[0], axis=1)
+        apart = np.linalg.norm(led(renderer, below, 1e-3)[0] - led(other, below, 1e-3)[0], axis=1)
         # Vertices that are rounded off the edge begin lines of the flow: the map is blurred by as much.
         assert apart.max() <= (renderer.resolution if factory is COARSE else 1e-8)
 
@@ -113,7 +114,7 @@ def test_a_bilateral_scene_is_continuous_through_the_surface():
     renderer = COARSE(Scene(model=ellipse(2.0), bilateral=True))
     for u in (0.1, 1.0, 2.5):
         depths = np.linspace(-1e-4, 1e-4, 41)[:, np.newaxis]
-        ihips, _ = renderer.run(curve.position(u) + depths * curve.normal(u), 1e-3)
+        ihips, _ = led(renderer, curve.position(u) + depths * curve.normal(u), 1e-3)
         steps = np.hypot(*np.diff(ihips, axis=0).T)
         assert steps.max() < 2e-5
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from leading import led
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry import kernels as pieces
@@ -125,7 +126,7 @@ def rendered(name, model, scale=1.0):
 def answers(renderer, hips):
     """IHIPs and forces."""
     if hasattr(renderer, "run"):
-        ihips, forces = renderer.run(hips, 1e-3)
+        ihips, forces = led(renderer, hips, 1e-3)
         return ihips, forces
     renderer.reset(hips[0])
     velocities = np.vstack([np.zeros((1, hips.shape[1])), np.diff(hips, axis=0) / 1e-3])

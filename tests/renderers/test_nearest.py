@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import given, settings
+from leading import led
 from scipy.interpolate import RegularGridInterpolator
 
 from hapticeval.errors import RefusalError
@@ -32,7 +33,7 @@ on_grid = minimum_distance.variant(representation="level-set")
 @settings(max_examples=25)
 @given(hips=walks())
 def test_it_is_the_nearest_point_of_the_model(model, hips):
-    ihips, _ = exact(Scene(model=model, bilateral=True)).run(hips, 1e-3)
+    ihips, _ = led(exact(Scene(model=model, bilateral=True)), hips, 1e-3)
     distances = np.abs(model.curve.signed_distance(hips))
     np.testing.assert_allclose(np.hypot(*(hips - ihips).T), distances, atol=1e-15)
 
@@ -41,7 +42,7 @@ def test_it_is_the_nearest_point_of_the_model(model, hips):
 @given(vertices=star_shaped(), hips=walks())
 def test_it_is_the_nearest_point_of_a_polygon(vertices, hips):
     model = from_vertices(vertices)
-    ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
+    ihips, _ = led(exact(Scene(model=model)), hips, 1e-3)
     depth = np.maximum(-model.curve.signed_distance(hips), 0.0)
     np.testing.assert_allclose(np.hypot(*(hips - ihips).T), depth, atol=1e-15)
 
@@ -51,7 +52,7 @@ def test_a_convex_corner_pops_at_its_bisector():
     tip = next(corner for corner in model.curve.corners if corner.convex)
     along = np.linspace(-0.01, 0.0, 2001)
     hips = tip.position + along[:, None] * tip.tangent_pre - depth * tip.normal_pre
-    ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
+    ihips, _ = led(exact(Scene(model=model)), hips, 1e-3)
     jumps = np.hypot(*np.diff(ihips, axis=0).T)
     # the bisector of a 60 degree tip is met at depth d where the tip is d / tan 30 degrees away
     assert along[np.argmax(jumps)] == pytest.approx(-depth / math.tan(math.pi / 6.0), abs=1e-5)
@@ -64,7 +65,7 @@ def test_a_convex_corner_pops_at_its_bisector():
 def test_the_level_set_lies_off_the_model_by_what_it_declares(model, off):
     renderer = on_grid(Scene(model=model, bilateral=True))
     rng = np.random.default_rng(3)
-    ihips, _ = renderer.run(rng.uniform(-0.1, 0.1, (20_000, 2)), 1e-3)
+    ihips, _ = led(renderer, rng.uniform(-0.1, 0.1, (20_000, 2)), 1e-3)
     assert np.max(np.abs(model.curve.signed_distance(ihips))) <= renderer.standoff * 1.001
     # at the sharpest place of the model, a tip, its own surface is farthest from the contour
     points = model.curve.outline(20_000)
@@ -84,7 +85,7 @@ def test_the_contour_is_the_zero_of_the_interpolant_and_the_nearest_one(model):
     renderer = on_grid(Scene(model=model, bilateral=True))
     rng = np.random.default_rng(4)
     hips = rng.uniform(-0.09, 0.09, (3000, 2))
-    ihips, _ = renderer.run(hips, 1e-3)
+    ihips, _ = led(renderer, hips, 1e-3)
     assert np.max(np.abs(interpolant(level_set)(ihips[:, ::-1]))) < 1e-15
     _, outline = contour_of(level_set)
     far = np.hypot(*(hips - ihips).T)
@@ -101,7 +102,7 @@ def test_contact_on_the_level_set_begins_where_the_interpolant_is_negative():
     renderer = on_grid(Scene(model=model))
     rng = np.random.default_rng(5)
     hips = rng.uniform(-0.1, 0.1, (5000, 2))
-    ihips, _ = renderer.run(hips, 1e-3)
+    ihips, _ = led(renderer, hips, 1e-3)
     value = interpolant(model.level_set())(hips[:, ::-1])
     clear = ~(np.abs(value) < 1e-15)  # NaN off the grid
     np.testing.assert_array_equal(np.any(hips != ihips, axis=1)[clear], value[clear] < 0.0)
@@ -146,7 +147,7 @@ def test_a_level_set_holds_a_triangle_however_it_is_turned():
         assert 0.0 < renderer.standoff < 1.61 * renderer.resolution
         tips = model.curve.outline(4000)
         inside = tips + 1e-4 * (np.mean(tips, axis=0) - tips)
-        ihips, _ = renderer.run(inside, 1e-3)
+        ihips, _ = led(renderer, inside, 1e-3)
         held = np.any(ihips != inside, axis=1)
         assert np.max(np.abs(renderer.surface.signed_distance(ihips[held]))) < 5e-6
         np.testing.assert_array_equal(held, renderer.surface.signed_distance(inside) < 0.0)
@@ -169,7 +170,7 @@ def a_walk(n=2000, seed=1):
 def test_it_is_the_nearest_point_of_a_solid(model, bilateral):
     hips = a_walk()
     renderer = minimum_distance(Scene(model=model, bilateral=bilateral))
-    ihips, forces = renderer.run(hips, 1e-3)
+    ihips, forces = led(renderer, hips, 1e-3)
     foot, _, distance, _ = model.surface.closest_point(hips)
     touches = bilateral | (distance < 0.0)
     assert 100 < np.count_nonzero(distance < 0.0) < 1900

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hand_paths import plate, star_shaped, touching, walks
 from hypothesis import given, settings
+from leading import led as led_along
 
 from hapticeval.geometry.catalogue import circle, cube, from_vertices, line, sphere
 from hapticeval.renderers.field.catalogue import neighbourhood
@@ -13,7 +14,7 @@ from hapticeval.scene import Scene
 
 
 def led(model, hips):
-    return neighbourhood(Scene(model=model)).run(np.asarray(hips, dtype=float), 1e-3)
+    return led_along(neighbourhood(Scene(model=model)), np.asarray(hips, dtype=float), 1e-3)
 
 
 @settings(max_examples=60)

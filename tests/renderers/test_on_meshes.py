@@ -10,6 +10,7 @@ import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from leading import led
 
 from hapticeval.errors import RefusalError
 from hapticeval.geometry import solids
@@ -41,9 +42,9 @@ def test_on_an_extruded_outline_it_is_the_plane_s_away_from_the_caps(base, schem
     begin = plane.boundary.closest_point(hips[:1]).foot[0]
     assume(not bilateral or np.linalg.norm(plane.curve.pieces[:, 3:5] - begin, axis=1).min() > 1e-9)
     variant = base.variant(regulation=scheme, representation="polygon")
-    flat_ihips, flat_forces = variant(Scene(model=plane, bilateral=bilateral)).run(hips, DT)
+    flat_ihips, flat_forces = led(variant(Scene(model=plane, bilateral=bilateral)), hips, DT)
     lifted = np.column_stack([hips, np.full(len(hips), high)])
-    ihips, forces = variant(Scene(model=space, bilateral=bilateral)).run(lifted, DT)
+    ihips, forces = led(variant(Scene(model=space, bilateral=bilateral)), lifted, DT)
     scale = np.abs(flat_forces).max() + 1.0
     np.testing.assert_allclose(ihips[:, :2], flat_ihips, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(ihips[:, 2], high, rtol=0.0, atol=1e-12)
@@ -59,7 +60,7 @@ def test_a_run_is_its_steps_and_its_tool_is_on_the_mesh(base, kind, seed):
     scene = Scene(model=make_model(kind))
     hips = walk_in_space(seed, 60)
     renderer = base.variant(representation="curve")(scene)
-    ihips, forces = renderer.run(hips, DT)
+    ihips, forces = led(renderer, hips, DT)
     renderer.reset(hips[0])
     for row, hip in enumerate(hips):
         velocity = (hip - hips[max(row - 1, 0)]) / DT
@@ -117,7 +118,7 @@ def test_in_a_pit_it_rests_where_an_active_set_programme_does():
         normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
         hips = apex + np.vstack([[0.0, 0.0, 0.02], random.normal(scale=0.008, size=(40, 3)) - [0.0, 0.0, 0.003]])
         expected, held = zip(*(closest_in_room(normals, hip - apex) for hip in hips), strict=True)
-        ihips, _ = constraint(Scene(model=pit(normals))).run(hips, DT)
+        ihips, _ = led(constraint(Scene(model=pit(normals))), hips, DT)
         np.testing.assert_allclose(ihips - apex, expected, rtol=0.0, atol=1e-14)
         numbers += held
     assert np.bincount(numbers).min() > 60
@@ -129,7 +130,7 @@ def test_it_never_passes_a_plate(thickness):
     random = np.random.default_rng(12)
     hips = np.cumsum(random.normal(scale=[3e-3, 3e-3, 1e-2], size=(400, 3)), axis=0).clip(-0.15, 0.15)
     hips[0] = [0.0, 0.0, 0.02]
-    ihips, _ = constraint(Scene(model=plate)).run(hips, DT)
+    ihips, _ = led(constraint(Scene(model=plate)), hips, DT)
     assert (hips[:, 2] < -thickness).sum() > 50
     assert (ihips[:, 2] >= 0.5 * thickness - 1e-17).all()
     np.testing.assert_allclose(ihips[:, 2], np.maximum(hips[:, 2], 0.5 * thickness), rtol=0.0, atol=1e-15)
@@ -138,7 +139,7 @@ def test_it_never_passes_a_plate(thickness):
 def test_over_a_convex_edge_it_leaves_and_at_a_vertex_it_holds_no_hand_that_is_outside():
     renderer = constraint(Scene(model=make_model("cube", size=0.1)))
     hips = np.linspace([0.0, 0.0, 0.048], [0.06, 0.06, 0.048], 601)
-    ihips, forces = renderer.run(np.vstack([[0.0, 0.0, 0.06], hips]), DT)
+    ihips, forces = led(renderer, np.vstack([[0.0, 0.0, 0.06], hips]), DT)
     inside = hips[:, 0] <= 0.05
     np.testing.assert_allclose(ihips[1:][inside, 2], 0.05, atol=1e-15)
     np.testing.assert_array_equal(ihips[1:][~inside], hips[~inside])

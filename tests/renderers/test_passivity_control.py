@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hapticeval.discovery import known_modifiers, resolve
 from hapticeval.errors import RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
-from hapticeval.renderer import Declaration, Response, abilities_of, choices_of, configured
+from hapticeval.renderer import Declaration, Response, choices_of, configured, wrapped
 from hapticeval.renderers.field.passivity_control import passivity_controlled
 from hapticeval.scene import Scene
 
@@ -95,8 +95,8 @@ def test_a_name_puts_it_around_any_renderer_and_what_that_says_stays():
     controlled = resolve("constraint+pp-v+pc@curve")(Scene(model=circle()))
     plain = resolve("constraint+pp-v@curve")(Scene(model=circle()))
     assert controlled.inner.regulation.name == "pp-v"
-    assert abilities_of(controlled).surface is controlled.inner.surface
-    assert abilities_of(controlled).resolution == abilities_of(plain).resolution
+    assert wrapped(controlled).surface is controlled.inner.surface
+    assert wrapped(controlled).resolution == wrapped(plain).resolution
     assert choices_of(resolve("coupled+pc")).supports == choices_of(resolve("coupled")).supports
     assert "passivity controller" in choices_of(resolve("mapping+pc")).summary
     small = configured(resolve("virtual-proxy+pc"), {"radius": 1e-4}, name="virtual-proxy+pc")(Scene(model=circle()))

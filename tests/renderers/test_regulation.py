@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.records import numbers_of
-from hapticeval.renderers.projective import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains_of, regulate
 from hapticeval.renderers.regulation import REGULATIONS
+from hapticeval.renderers.regulation_kernel import PAST, REFERENCE_DEPTH, REFERENCE_RATE, gains_of, regulate
 
 NUMBER = st.floats(-10.0, 10.0).map(lambda x: round(x, 6))
 VECTOR = st.tuples(NUMBER, NUMBER)
@@ -24,7 +24,7 @@ def force_of(name, k, d, e, n, v, r, *, bilateral=True):
     scene = SimpleNamespace(stiffness=k, damping=d, mass=1.0, bilateral=bilateral)
     state, force = numbers_of(PAST, in_contact=1.0, error=np.subtract(e, r), normal=n), np.empty(size)
     e, v = np.array(e, dtype=float), np.array(v, dtype=float)
-    regulate(gains_of(REGULATIONS[name], scene), state, e, v, 0.0, dt, np.zeros(size), force)
+    regulate(gains_of(REGULATIONS[name], scene), state, e, v, 0.0, 0.0, dt, np.zeros(size), force)
     return tuple(force)
 
 

@@ -18,7 +18,7 @@ from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import wrapped
 from hapticeval.runner.judging import judge
 from hapticeval.runner.results import read_results
 from hapticeval.scene import requirements
@@ -64,7 +64,7 @@ def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(ref
     with refused(RefusalError) as caught:
         make_renderer(Nearest, ASKING[name])
     assert f'supports = {{"{name}"}}' in caught.value.todo
-    assert isinstance(make_renderer(declaring(name), ASKING[name]), Nearest)
+    assert isinstance(make_renderer(declaring(name), ASKING[name]).renderer, Nearest)
 
 
 def test_all_that_is_missing_is_named_at_once(refused):
@@ -149,7 +149,7 @@ def test_abilities_are_read_once():
             return 1e-3 * Counts.read
 
     made = make_renderer(Counts, PLAIN)
-    assert [abilities_of(made).standoff for _ in range(3)] == [1e-3] * 3
+    assert [wrapped(made).standoff for _ in range(3)] == [1e-3] * 3
     assert Counts.read == 1
 
 

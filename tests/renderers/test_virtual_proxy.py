@@ -7,6 +7,7 @@ import pytest
 from hand_paths import plate, star_shaped, touching, walks
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from leading import led as led_along
 
 from hapticeval.geometry.catalogue import circle, cube, from_vertices, line, make_model
 from hapticeval.renderers.field.catalogue import virtual_proxy
@@ -34,7 +35,7 @@ L_SHAPE = from_vertices([(0.0, 0.0), (0.1, 0.0), (0.1, 0.05), (0.05, 0.05), (0.0
 
 
 def led(model, hips, radius=R):
-    return virtual_proxy.with_knobs(radius=radius)(Scene(model=model)).run(np.asarray(hips, dtype=float), 1e-3)
+    return led_along(virtual_proxy.with_knobs(radius=radius)(Scene(model=model)), np.asarray(hips, dtype=float), 1e-3)
 
 
 @settings(max_examples=60)

@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from leading import led
 
 from hapticeval.cli import main
 from hapticeval.discovery import own_renderers
@@ -122,7 +123,7 @@ def circle_run(time, *, radius=0.098, hip=None, meta=None, channels=("ihip", "fo
     angle = 2.0 * time
     hip = radius * np.column_stack([np.cos(angle), np.sin(angle)]) if hip is None else hip
     scene = Scene(model=make_model("circle"))
-    answers = minimum_distance(scene).run(hip, 1e-3)
+    answers = led(minimum_distance(scene), hip, 1e-3)
     given = dict(zip(("ihip", "force"), answers, strict=True))
     said = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle"}}, **(meta or {})}
     return Recording(time, {"hip": hip, **{name: given[name] for name in channels}}, said, valid=valid)
@@ -463,7 +464,7 @@ def test_a_replay_says_what_inspect_finds(undrawn, tmp_path, capsys, channel, fa
 
     time = np.arange(2000) * 1e-3
     hip = np.column_stack([0.1 + 0.003 * np.cos(2.0 * np.pi * time), 0.001 * np.sin(2.0 * np.pi * time)])
-    force = minimum_distance(Scene(model=make_model("circle"))).run(hip, 1e-3)[1]
+    force = led(minimum_distance(Scene(model=make_model("circle"))), hip, 1e-3)[1]
     channels = {"hip": hip, "force": force}
     channels[channel] = factor * channels[channel]
     meta = {"source": "file", "scene": {"stiffness": 1000.0, "model": {"kind": "circle"}}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from leading import led
 
 from hapticeval.cli import main
 from hapticeval.geometry.catalogue import make_model
@@ -36,7 +37,7 @@ def log_of(kind, folder, *, tilt=0.0):
     """A log by the minimum-distance renderer, whose force leans by `tilt` (rad) about the z axis."""
     model = make_model(**SOLIDS[kind])
     time, hip = dipping(model)
-    ihip, force = minimum_distance(Scene(model=model)).run(hip, 1e-3)
+    ihip, force = led(minimum_distance(Scene(model=model)), hip, 1e-3)
     c, s = np.cos(tilt), np.sin(tilt)
     turned = np.asarray(force) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     meta = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": SOLIDS[kind]}}

@@ -51,12 +51,6 @@ class Exits(Good):
     def step(self, hip, velocity, dt):
         raise SystemExit(0)
 
-class Overwrites(Good):
-    def run(self, hips, dt):
-        answers = [self.step(hip, 0 * hip, dt) for hip in hips]
-        hips[:] = 7.0
-        return [each.ihip for each in answers], [each.force for each in answers]
-
 class Talks(Good):
     standoff = "0.1 mm"
 
@@ -202,12 +196,6 @@ def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, other
     if name == "Raises":
         assert "in thirdparty.py, line 19, in step" in broken.error.why
         assert broken.error.hip[0] < -0.03
-
-
-def test_a_batch_cannot_change_the_recorded_hip(run, tmp_path):
-    events, _ = run("thirdparty:Overwrites", "constraint", select=("slide",))
-    first, second = (read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs)
-    np.testing.assert_array_equal(first.hip, second.hip)
 
 
 def test_a_renderer_that_never_touches_does_not_pass_a_gate(run):

@@ -25,7 +25,7 @@ from hapticeval.effects.sensors import Encoder, ForceSensor, VelocityFilter
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
 from hapticeval.laws import law_data
-from hapticeval.renderer import CompiledStep, abilities_of
+from hapticeval.renderer import CompiledStep, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -261,7 +261,7 @@ def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, 
     trial, renderer = pressing(model, hand), resolve(name)(scene)
     recording = simulate_closed_loop(renderer, trial, scene, DT)
     assert "ended" not in recording.meta
-    if abilities_of(renderer).law is not None:
+    if wrapped(renderer).law is not None:
         asked = simulate_closed_loop(WithoutLaw(renderer), trial, scene, DT)
         for channel in asked.channels:
             np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
@@ -284,7 +284,7 @@ def test_the_list_has_every_device_inner_loop_and_effect_with_and_without_a_law(
         (effects, hand, bilateral) for effects in EFFECTS for hand in (False, True) for bilateral in (False, True)
     }
     with_law = {
-        abilities_of(renderer).law is not None
+        wrapped(renderer).law is not None
         for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("conformal", "minimum-distance"))
     }
     assert with_law == {False, True}

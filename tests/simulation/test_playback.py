@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 
+from hapticeval.compiled import compiled
 from hapticeval.discovery import resolve
 from hapticeval.errors import DomainError, RefusalError, RendererError, describe_error
 from hapticeval.geometry.catalogue import cassinian, line
+from hapticeval.laws import law_data
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Declaration, Response, abilities_of
+from hapticeval.renderer import CompiledStep, Declaration, Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import step_checked
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import compare_batch, play, play_in_turns, play_while_defined, run_path
+from hapticeval.simulation.playback import hold_law_to_step, play, play_in_turns, play_while_defined, run_path
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -83,41 +83,6 @@ def test_a_broken_step_is_named_with_tick_and_hip(refused, answer):
     assert caught.value.exit_code == 3
 
 
-class Batched(Echo):
-    def run(self, hips, dt):
-        return hips.copy(), np.zeros_like(hips)
-
-
-def test_a_batch_is_preferred():
-    renderer = Batched()
-    assert len(play(renderer, PATH, 0.01)) == 101
-    assert renderer.velocities == []
-
-
-def test_a_broken_batch_is_searched_step_by_step(refused):
-    class Breaks(Batched):
-        def run(self, hips, dt):
-            raise ValueError("somewhere")
-
-        def step(self, hip, velocity, dt):
-            if hip[0] > 0.0305:
-                raise ValueError("here")
-            return Response(hip, np.zeros(2))
-
-    with refused(RendererError) as caught:
-        play(Breaks(), PATH, 0.01)
-    assert caught.value.tick == 31
-
-
-def test_a_batch_that_breaks_where_its_steps_do_not_says_so(refused):
-    class Breaks(Batched):
-        def run(self, hips, dt):
-            raise ValueError("batch only")
-
-    with refused(RendererError):
-        play(Breaks(), PATH, 0.01)
-
-
 class Unreadable(Exception):
     """As of a C++ library, whose text is bytes in another encoding."""
 
@@ -132,7 +97,7 @@ def raises(*_):
 UNREADABLE = r"raised Unreadable: \(its text cannot be read: UnicodeDecodeError\)"
 
 
-@pytest.mark.parametrize("method", ["reset", "step", "run", "observe_force"])
+@pytest.mark.parametrize("method", ["reset", "step", "observe_force"])
 def test_an_exception_whose_text_cannot_be_read_is_one_as_any(refused, method):
     renderer = Echo()
     setattr(renderer, method, raises)
@@ -178,18 +143,6 @@ def test_a_renderer_with_a_step_is_asked_step_by_step_whatever_else_it_has():
     assert len(simulate_closed_loop(renderer, push, scene, 1e-3)) == 11
 
 
-def test_a_batch_with_a_nan_is_named_with_its_tick(refused):
-    class Breaks(Batched):
-        def run(self, hips, dt):
-            forces = np.zeros_like(hips)
-            forces[7, 1] = np.nan
-            return hips, forces
-
-    with refused(RendererError) as caught:
-        play(Breaks(), PATH, 0.01)
-    assert caught.value.tick == 7
-
-
 class Behind(Echo):
     """Answers the HIP of two ticks ago."""
 
@@ -202,14 +155,8 @@ class Behind(Echo):
         return Response(self.last[0], np.zeros(2))
 
 
-class Fixed(Behind):
-    def __deepcopy__(self, memo):
-        raise TypeError("not to be copied")
-
-
-@pytest.mark.parametrize("kind", [Behind, Fixed])
-def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind):
-    renderer = kind()
+def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up():
+    renderer = Behind()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
     fine = look.refined(50, 52, 4, lag=3)
     finest = fine.refined(3, 5, 64, lag=3)
@@ -225,23 +172,11 @@ def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind
     assert fine.recording.time[8] == pytest.approx(0.52)
 
 
-def test_a_closer_look_does_not_lead_what_can_be_copied_there_again():
-    renderer = Behind()
-    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.refined(90, 92, 4, lag=3)
-    count = len(renderer.velocities)
-    look.refined(90, 92, 64, lag=3).refined(3, 5, 64, lag=3)
-    assert len(renderer.velocities) == count
-
-
 class Stepped:
     """A renderer of which only its steps are shown."""
 
     def __init__(self, base):
-        self.base, self.reset, self.step = base, base.reset, base.step
-
-    def __deepcopy__(self, memo):
-        return Stepped(deepcopy(self.base, memo))
+        self.reset, self.step = base.reset, base.step
 
 
 @pytest.mark.parametrize("name", ["constraint", "minimum-distance+pp-d", "set-stabilisation", "conformal+square-root"])
@@ -250,7 +185,7 @@ def test_a_closer_look_in_one_call_is_that_of_single_steps_to_the_last_bit(name)
     path = Path(np.array([0.0, 0.3]), np.array([[0.105, 0.002], [0.08, 0.02]]))
     found = []
     for renderer in (resolve(name)(scene), Stepped(resolve(name)(scene))):
-        assert abilities_of(renderer).law is not None or abilities_of(renderer).lead or found
+        assert wrapped(renderer).law is not None or found
         look = Closeup.of(renderer, play(renderer, path, 1e-3, scene=scene), scene).refined(200, 230, 8, lag=2)
         found += [look.recording, look.refined(20, 22, 4, lag=2).recording]
     for one, other in ((found[0], found[2]), (found[1], found[3])):
@@ -259,25 +194,10 @@ def test_a_closer_look_in_one_call_is_that_of_single_steps_to_the_last_bit(name)
             np.testing.assert_array_equal(one.channel(channel), other.channel(channel))
 
 
-def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip(refused):
-    class Leading(Echo):
-        def lead(self, hips, velocities, dt):
-            return np.where(hips > 0.0501, np.nan, hips), np.zeros_like(hips)
-
-    renderer = Leading()
-    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    with refused(RendererError) as caught:
-        look.refined(60, 62, 4, lag=2)
-    assert caught.value.tick == 51
-
-
 class Counts(Echo):
-    """Pushes with as many newtons as it has had ticks; raises at a HIP beyond `bound` (m), and its `lead` alone there.
+    """Pushes with as many newtons as it has had ticks; raises at a HIP beyond `bound` (m)."""
 
-    Whatever raises in the middle of a `lead` has had the ticks before.
-    """
-
-    bound = lead_bound = 2.0
+    bound = 2.0
 
     def reset(self, hip):
         self.ticks = 0
@@ -288,27 +208,12 @@ class Counts(Echo):
         self.ticks += 1
         return Response(hip, np.array([0.0, float(self.ticks)]))
 
-    def lead(self, hips, velocities, dt):
-        answers = []
-        for hip, velocity, step in zip(hips, velocities, dt, strict=True):
-            if hip[0] > self.lead_bound:
-                raise IndexError("no such row")
-            answers.append(self.step(hip, velocity, step))
-        return tuple(map(np.array, zip(*answers, strict=True)))
 
-
-class CountsAlone(Counts):
-    def __deepcopy__(self, memo):
-        raise TypeError("not to be copied")
-
-
-@pytest.mark.parametrize("kind", [Counts, CountsAlone])
-def test_a_lead_that_breaks_at_a_row_is_blamed_at_the_tick_of_that_row(refused, monkeypatch, kind):
+def test_a_step_that_breaks_in_a_closer_look_is_blamed_at_its_tick(refused):
     """Fine ticks are counted on from that of the path: the 9th fine step of four a tick is beyond 52 mm."""
-    renderer = kind()
+    renderer = Counts()
     look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.refined(10, 12, 4, lag=2)  # copies are proved to be such
-    monkeypatch.setattr(Counts, "bound", 0.0521)
+    renderer.bound = 0.0521
     with refused(RendererError) as caught:
         look.refined(50, 54, 4, lag=2)
     assert "step()" in caught.value.what
@@ -316,19 +221,7 @@ def test_a_lead_that_breaks_at_a_row_is_blamed_at_the_tick_of_that_row(refused, 
     assert caught.value.hip[0] == pytest.approx(0.05225)
 
 
-@pytest.mark.parametrize("kind", [Counts, CountsAlone])
-def test_a_lead_that_breaks_where_steps_do_not_is_an_error_of_its_own(refused, monkeypatch, kind):
-    renderer = kind()
-    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
-    look.refined(10, 12, 4, lag=2)
-    monkeypatch.setattr(Counts, "lead_bound", 0.0521)
-    with refused(RendererError) as caught:
-        look.refined(50, 54, 4, lag=2)
-    assert "lead()" in caught.value.what
-    assert caught.value.why == "its step() takes the same path without an error"
-
-
-def test_in_turns_a_lead_that_breaks_is_blamed_at_the_tick_of_its_step(refused):
+def test_in_turns_a_step_that_breaks_is_blamed_at_its_tick(refused):
     first, second = Counts(), Counts()
     first.bound = 0.0205
     scene = Scene(model=line())
@@ -367,54 +260,59 @@ def test_a_tick_after_the_way_in_is_found_in_a_log_of_the_renderer():
     np.testing.assert_array_equal(renderer.log[led_in + 51], caught.value.hip)
 
 
-UP = np.array([0.0, 0.01])
+class WithLaw:
+    """Minimum distance by its compiled step; `step` pushes a little harder beyond x = `from_x` (m)."""
 
-
-class Off(Batched):
-    """A run that is off its steps, by so much."""
-
-    def __init__(self, by, from_x=0.0):
-        super().__init__()
-        self.by, self.from_x = by, from_x
+    def __init__(self, scene, from_x=np.inf, noise=False):
+        self.base, self.from_x, self.noise = resolve("minimum-distance")(scene), from_x, noise
+        self.law, self.reset, self.rng = self.base.law, self.base.reset, np.random.default_rng(1)
 
     def step(self, hip, velocity, dt):
-        return Response(hip + UP, np.array([0.0, 10.0]))
-
-    def run(self, hips, dt):
-        on = (hips[:, :1] > self.from_x) * [0.0, self.by]
-        return hips + UP + on, np.tile([0.0, 10.0], (len(hips), 1))
+        ihip, force = self.base.step(hip, velocity, dt)
+        off = 1e-12 if hip[0] > self.from_x else 0.0
+        return ihip, force * (1.0 + off * (self.rng.random() if self.noise else 1.0))
 
 
-def compare_ways(renderer, damping=0.0):
-    recording = play(renderer, PATH, 0.01)
-    compare_batch(renderer, recording, contact=recording.contact, stiffness=1000.0, damping=damping)
+PRESSED = Path(np.array([0.0, 1.0]), np.array([[0.0, -0.01], [0.1, -0.01]]))
 
 
-def test_a_run_that_is_off_its_steps_is_named_with_tick_hip_and_difference(refused):
-    renderer = Off(1e-4, 0.0305)
+def hold(renderer):
+    recording = play(renderer, PRESSED, 0.01)
+    hold_law_to_step(wrapped(renderer), recording, contact=recording.contact)
+
+
+def test_a_law_that_is_off_its_step_by_a_digit_is_named_with_tick_and_hip(refused):
+    scene = Scene(model=line())
+    hold(WithLaw(scene))
     with refused(RendererError) as caught:
-        compare_ways(renderer)
+        hold(WithLaw(scene, from_x=0.0305))
     assert caught.value.tick == 31
-    assert caught.value.hip == pytest.approx((0.031, 0.0))
+    assert caught.value.hip == pytest.approx((0.031, -0.01))
 
 
-@pytest.mark.parametrize("by", [0.0, 1e-9])
-def test_a_run_may_round_as_single_precision_does(by):
-    renderer = Off(by)
-    compare_ways(renderer, damping=1.0)
+def test_answers_that_are_never_the_same_twice_are_no_matter_of_the_law():
+    hold(WithLaw(Scene(model=line()), from_x=0.0, noise=True))
 
 
-def test_run_and_step_may_round_to_either_side_of_a_jump():
-    class Astride(Off):
-        def step(self, hip, velocity, dt):
-            return Response(hip + (2.0 if hip[0] > 0.05 - 1e-12 else 1.0) * UP, np.array([0.0, 10.0]))
+@compiled
+def refuse_beyond(data, hip, velocity, push, dt, ihip, force):
+    """A law that refuses a hand beyond 30 mm, and answers no number at 20 mm."""
+    ihip[:] = hip
+    force[:] = np.nan if abs(hip[0] - 0.02) < 1e-9 and data.params[0] == 1.0 else 0.0
+    return 1 if hip[0] > 0.0305 else 0
 
-        def run(self, hips, dt):
-            on = (hips[:, :1] > 0.05 + 1e-12) * [0.0, 0.01]
-            return hips + UP + on, np.tile([0.0, 10.0], (len(hips), 1))
 
-    renderer = Astride(0.0)
-    compare_ways(renderer)
+class OnlyLaw(Echo):
+    def __init__(self, breaks):
+        super().__init__()
+        self.law = CompiledStep(refuse_beyond, law_data([breaks]), {1: "too far"})
+
+
+def test_a_law_that_refuses_where_its_step_answers_or_answers_no_number_is_blamed(refused):
+    for breaks, tick in ((0.0, 31), (1.0, 20)):
+        with refused(RendererError) as caught:
+            play(OnlyLaw(breaks), PATH, 0.01)
+        assert caught.value.tick == tick
 
 
 class Refuses:
@@ -433,21 +331,12 @@ class Refuses:
         return hip, 0.0 * hip
 
 
-class RefusesAtOnce(Refuses):
-    """The same, of a whole path."""
-
-    def run(self, hips, dt):
-        self.reset(hips[0])
-        return tuple(np.array(part) for part in zip(*(self.step(hip, 0.0, dt) for hip in hips), strict=True))
-
-
-@pytest.mark.parametrize("kind", [Refuses, RefusesAtOnce])
-def test_a_refusal_stands_before_the_first_answer(refused, kind):
+def test_a_refusal_stands_before_the_first_answer(refused):
     path = Path(np.array([0.0, 0.01]), np.array([[0.2, 0.0], [0.3, 0.0]]))
     with pytest.raises(RefusalError):
-        play(kind(1), path, 1e-3)
+        play(Refuses(1), path, 1e-3)
     with refused(RendererError):
-        play(kind(5), path, 1e-3)
+        play(Refuses(5), path, 1e-3)
 
 
 class RefusesWhereItRests(Refuses):
@@ -501,29 +390,21 @@ class Bounded(Echo):
         return super().step(hip, velocity, dt)
 
 
-class BoundedBatch(Bounded):
-    def run(self, hips, dt):
-        if hips[:, 0].max() > self.edge:
-            raise DomainError("off the map", why="it ends there")
-        return hips, np.zeros_like(hips)
-
-
-@pytest.mark.parametrize("kind", [Bounded, BoundedBatch])
-def test_a_run_ends_where_the_renderer_is_no_longer_defined(refused, kind):
-    found = play_while_defined(kind(0.0505), PATH, 0.01)
+def test_a_run_ends_where_the_renderer_is_no_longer_defined(refused):
+    found = play_while_defined(Bounded(0.0505), PATH, 0.01)
     assert found.meta["ended"] == {
         "tick": 51,
         "time": pytest.approx(0.51),
         "what": "off the map",
         "why": "it ends there",
     }
-    whole = play(kind(1.0), PATH, 0.01)
+    whole = play(Bounded(1.0), PATH, 0.01)
     for name, values in whole.channels.items():
         assert np.array_equal(found.channels[name], values[:51])
-    assert "ended" not in play_while_defined(kind(1.0), PATH, 0.01).meta
+    assert "ended" not in play_while_defined(Bounded(1.0), PATH, 0.01).meta
     for edge in (-1.0, 0.0005):  # at the start, and after it
         with refused(DomainError):
-            play_while_defined(kind(edge), PATH, 0.01)
+            play_while_defined(Bounded(edge), PATH, 0.01)
 
 
 def test_an_answer_stays_what_it_was():
@@ -538,7 +419,7 @@ def test_a_spring_that_is_none_is_refused(refused):
     renderer = OwnBuffers()
     renderer.declares = Declaration(spring="sprung")
     with refused(RendererError):
-        abilities_of(renderer)
+        wrapped(renderer)
 
 
 def test_a_step_without_an_answer_is_blamed_on_the_renderer(refused):

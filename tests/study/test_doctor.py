@@ -15,7 +15,9 @@ from hapticeval.study.doctor import State, examine
 
 MODULE = """
 import os, time
+from dataclasses import replace
 import numpy as np
+from hapticeval.discovery import resolve
 from hapticeval import RefusalError
 
 class Good:
@@ -91,8 +93,9 @@ class Locks(Good):
         return super().step(hip, velocity, dt)
 
 class Other(Good):
-    def run(self, hips, dt):
-        return hips, 0.0 * hips
+    def __init__(self, scene):
+        super().__init__(scene)
+        self.law = resolve("minimum-distance")(replace(scene, stiffness=2.0 * scene.stiffness)).law
 
 class Divides(Good):
     def step(self, hip, velocity, dt):
@@ -128,14 +131,6 @@ class Trips(Good):
         if self.boundary.signed_distance(np.array([hip])) < 0.0:
             raise IndexError("no face is here")
         return super().step(hip, velocity, dt)
-
-class Three(Good):
-    def run(self, hips, dt):
-        return hips, 0.0 * hips, hips
-
-class Short(Good):
-    def run(self, hips, dt):
-        return hips[1:], 0.0 * hips
 
 class Property(Good):
     @property
@@ -209,10 +204,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Scratches", {}),
         ("Passes", {"non-finite": "missing"}),
         ("Locks", {"non-finite": "missing"}),
-        ("Other", {"batch": "missing"}),
+        ("Other", {"law": "missing"}),
         ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
-        ("Three", {"batch": "broke"}),
-        ("Short", {"batch": "broke"}),
         ("Property", {"made": "broke"}),
         ("Ball", {}),
         ("Balloon", {"contact": "missing"}),

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from leading import led
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, ellipse, star
@@ -69,7 +70,7 @@ def pushed(name, model, seed, *, damping=5.0):
     """
     scene = Scene(model=MODELS[model], stiffness=K, damping=damping, mass=MASS)
     hips = simulate_closed_loop(resolve(NAMES[name])(scene), push(seed, MODELS[model]), scene, T).hip
-    _, forces = spring(name, model).run(hips, T)
+    _, forces = led(spring(name, model), hips, T)
     last = np.flatnonzero(~np.any(forces != 0.0, axis=1))[-1]
     hips, forces = hips[: last + 1], forces[: last + 1]
     moved, change = np.diff(hips, axis=0), np.diff(forces, axis=0)

@@ -180,7 +180,7 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     base, other = runs.observed(scene), Observed(required(runs.in_turns)(), scene)
     if not has_answer(base).any():
         return undecided("the hand never touches the model")
-    # What `run` answers at once, `step` may answer to single precision.
+    # A renderer may answer in single precision.
     step = rounding(scene) + single_rounding(base.hip)
     # A velocity over dt is off by two roundings: K_d 2 step / dt, as a length by the stiffness.
     force = (1.0 + 2.0 * scene.damping / (scene.stiffness * base.dt)) * step

@@ -116,7 +116,7 @@ def own_on_meshes() -> list[str]:
     for name in own_renderers():
         with suppress(RefusalError):
             # A renderer that answers a stimulus whole has no step to be timed.
-            if isinstance(make_renderer(resolve(name), coarsest), Renderer):
+            if make_renderer(resolve(name), coarsest).steps:
                 tabled = "lut" in (choices_of(resolve(name)).representations or ())
                 names += [name, f"{name}@lut"] if tabled else [name]
     return names

@@ -17,7 +17,7 @@ import numpy as np
 from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.effects.actuators import JointFriction
 from hapticeval.effects.sensors import Encoder
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import reset_checked, step_checked
@@ -141,7 +141,7 @@ def try_hands(factory: RendererFactory, scene: Scene, place: Place, encoder_step
     """
     rigid = replace(scene, device=None, bilateral=True)
     renderer = make_renderer(factory, rigid)
-    assert isinstance(renderer, Renderer)
+    assert renderer.steps
     device, still = scene.robot, np.zeros_like(place.point)
 
     @cache  # many depths lie within one count

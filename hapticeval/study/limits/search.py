@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.effects.sensors import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -66,7 +66,7 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> GainFamil
             renderer = make_renderer(factory, alone)
         except RefusalError:
             renderer = make_renderer(factory, replace(alone, bilateral=False))
-        if not isinstance(renderer, Renderer):
+        if not renderer.steps:
             raise InputError(
                 "the renderer has physics of its own, and no gains to look for a limit of",
                 todo="choose one that answers tick by tick, such as minimum-distance",

@@ -14,12 +14,11 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
-from hapticeval.renderer import Renderer, abilities_of, configured
+from hapticeval.renderer import Renderer, configured, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import reset_checked, step_checked
-from hapticeval.simulation.playback import play
-from hapticeval.stimulus.stimulus import Path
+from hapticeval.simulation.playback import answers_along
 from hapticeval.study.projection_field.field import Field, extent, field_of, shallow_angles
 from hapticeval.types import Array
 
@@ -50,7 +49,7 @@ def study_field(
     settings = dict(knobs or {})
     scene = Scene(model=model)
     built = make_renderer(configured(resolve(renderer), settings, name=renderer), scene)
-    if not isinstance(built, Renderer):
+    if not built.steps:
         raise InputError(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
         )
@@ -95,21 +94,20 @@ class Projector:
     def __call__(self, hips: Array) -> Array:
         """Return the IHIPs (n, 2), m, of HIPs (n, 2), m."""
         # All HIPs as one path: without memory the order does not matter.
-        if self._origin is None and abilities_of(self._renderer).run and len(hips) > 1:
-            time = self._dt * np.arange(len(hips), dtype=np.float64)
-            return play(self._renderer, Path(time, hips), self._dt).ihip
+        if self._origin is None:
+            return answers_along(self._renderer, hips, self._dt).ihip if len(hips) else hips
         ihips = np.empty_like(hips)
         still = np.zeros(hips.shape[1])
         for row, hip in enumerate(hips):
             # With memory each HIP is the one tick after a rest at the origin.
-            reset_checked(self._renderer, hip if self._origin is None else self._origin)
+            reset_checked(self._renderer, self._origin)
             ihips[row], _ = step_checked(self._renderer, row, hip, still, self._dt)
         return ihips
 
 
 def surface_of(renderer: object, curve: Curve) -> Curve:
     """Return the curve that a renderer really renders: its own where it has one, else the model's."""
-    surface = abilities_of(renderer).surface
+    surface = wrapped(renderer).surface
     return as_curve(surface) or curve
 
 
