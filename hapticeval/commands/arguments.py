@@ -128,6 +128,11 @@ Timeout = Annotated[
     ),
 ]
 
+TrialName = Annotated[
+    str | None,
+    option("--trial", metavar="NAME", help="Which of several trials in the file: its name, or its number from 0."),
+]
+
 FormatName = Annotated[
     str | None,
     option(
@@ -162,14 +167,20 @@ SceneEntries = Annotated[
 
 
 def load_within(
-    memory_limit: float, file: Path, mapping: Path | None, format_: str | None, *, salvaging: bool = False
+    memory_limit: float,
+    file: Path,
+    mapping: Path | None,
+    format_: str | None,
+    *,
+    trial: str | None = None,
+    salvaging: bool = False,
 ) -> Recording:
     """Read a recording or a foreign file by the options above; see `hardware.logs.load` and `recordings.memory`."""
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.memory import limited
 
     with limited(memory_limit):
-        return load(file, mapping=mapping, format=format_, salvaging=salvaging)
+        return load(file, mapping=mapping, format=format_, trial=trial, salvaging=salvaging)
 
 
 def model_named(text: str) -> Model:

@@ -18,6 +18,7 @@ from hapticeval.commands.arguments import (
     SceneEntries,
     SuiteCase,
     TouchedModel,
+    TrialName,
     argument,
     load_within,
     model_named,
@@ -56,6 +57,7 @@ def inspect(
         Path | None, option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.")
     ] = None,
     format_: FormatName = None,
+    trial: TrialName = None,
     memory_limit: MemoryLimit = DEFAULT_LIMIT,
     model: Annotated[
         str | None, option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.")
@@ -89,21 +91,25 @@ def inspect(
     with limited(memory_limit):
         # A foreign file can only be shown: which column is what is not known.
         if mapping is None and not is_ours(file):
-            raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, write_mapping))
-        recording = load(file, mapping=mapping, format=format_, salvaging=True)
+            raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, trial, write_mapping))
+        recording = load(file, mapping=mapping, format=format_, trial=trial, salvaging=True)
         # One mapping serves for all foreign files of a rig.
         others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
     raise typer.Exit(_examine_recording(recording, file, model, stiffness, others, directory))
 
 
-def _show_foreign_file(table: Table, file: Path, write_mapping: Path | None) -> int:
+def _show_foreign_file(table: Table, file: Path, trial: str | None, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
     from hapticeval.files import creating, writing
     from hapticeval.recordings.formats import formats
+    from hapticeval.recordings.formats.trials import trial_of, trials, trials_remark
     from hapticeval.recordings.importing.proposal import propose
 
-    text = propose(table, file=file.name)
+    several = trials(table) if trial is None else []
+    table = table if trial is None else trial_of(table, trial)
+    text = propose(table, file=file.name, trial=trial)
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
+    parts += [f"remark: {trials_remark(several)}"] if several else []
     # A warning makes the exit code 1, a remark does not.
     parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
     if write_mapping is not None:
@@ -218,6 +224,7 @@ def convert(
     ],
     mapping: MappingFile = None,
     format_: FormatName = None,
+    trial: TrialName = None,
     memory_limit: MemoryLimit = DEFAULT_LIMIT,
     salvage: Annotated[
         bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
@@ -240,7 +247,7 @@ def convert(
     from hapticeval.recordings.provenance import incomplete
 
     refuse_existing(output)
-    recording = load_within(memory_limit, file, mapping, format_, salvaging=salvage)
+    recording = load_within(memory_limit, file, mapping, format_, trial=trial, salvaging=salvage)
     # What is suspicious is told, and converted all the same.
     export(output, recording)
     say(f"{describe_conversion(recording)}\nwrote {output}")

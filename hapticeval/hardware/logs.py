@@ -21,10 +21,15 @@ OUTSIDE_WORKSPACE = "outside of the robot's workspace"
 
 
 def load(
-    path: Path | str, *, mapping: Path | str | None = None, format: str | None = None, salvaging: bool = False
+    path: Path | str,
+    *,
+    mapping: Path | str | None = None,
+    format: str | None = None,
+    trial: str | None = None,
+    salvaging: bool = False,
 ) -> Recording:
     """Return what `convert.load` gives, with what follows from a robot's encoders and motors: see `at_the_hand`."""
-    return at_the_hand(convert.load(path, mapping=mapping, format=format, salvaging=salvaging))
+    return at_the_hand(convert.load(path, mapping=mapping, format=format, trial=trial, salvaging=salvaging))
 
 
 def at_the_hand(recording: Recording) -> Recording:

@@ -238,7 +238,7 @@ def test_npz_arrays_are_columns_and_pickles_are_not_opened(tmp_path):
 START = 1_700_000_000_999_000_000
 
 
-def write_bag(path, rows=5):
+def write_bag(path, rows=5, storage="SQLITE3"):
     """A bag of either version: forces, and joints at every second time."""
     pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
     from rosbags import rosbag1, rosbag2
@@ -251,7 +251,11 @@ def write_bag(path, rows=5):
     Vector, Stamped = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Vector3Stamped"]
     Joints = kinds["sensor_msgs/msg/JointState"]
     serialize = store.serialize_ros1 if first else store.serialize_cdr
-    with rosbag1.Writer(path) if first else rosbag2.Writer(path, version=8) as writer:
+    with (
+        rosbag1.Writer(path)
+        if first
+        else rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin[storage]) as writer
+    ):
         force = writer.add_connection("/force", Stamped.__msgtype__, typestore=store)
         joints = writer.add_connection("/joints", Joints.__msgtype__, typestore=store)
         for k in range(rows):

@@ -23,6 +23,7 @@ A format of your own is a function that takes a path and gives a `Table`, marked
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import sys
 from collections import Counter
@@ -38,6 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error, origin, unreadable
+from hapticeval.extras import install_command
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER_MARK, HEAD_BYTES, first_bytes, reserve
 from hapticeval.registrations import entries_of
@@ -50,6 +52,9 @@ OWN_FORMATS = {
     "matlab73": "matlab",
     "hdf5": "arrays",
     "npz": "arrays",
+    "npy": "arrays",
+    "parquet": "arrays",
+    "tdms": "arrays",
     "rosbag": "rosbag",
     "csv": "text",
 }
@@ -74,13 +79,10 @@ SIGNATURES: tuple[tuple[bytes, str], ...] = (
     (b"\xfd7zXZ\x00", "an xz archive: unpack it first"),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive: unpack it first"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive: unpack it first"),
-    (b"PAR1", "a Parquet file"),
     (b"ARROW1", "an Arrow file"),
-    (b"\x93NUMPY", "a single NumPy array (.npy): save with numpy.savez and names"),
     (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
     (b"MATLAB 7.3 MAT-file", "a MATLAB 7.3 file"),
     (b"MATLAB 5.0 MAT-file", "a MATLAB 5 file"),
-    (b"\x89MCAP0\r\n", "an MCAP file: give the folder of the ROS 2 bag, with its metadata.yaml"),
     (b"SQLite format 3\x00", "an SQLite database: give the folder of the ROS 2 bag, with its metadata.yaml"),
     (b"#ROSBAG V", "a ROS 1 bag"),
     (b"\x80\x04", "a Python pickle, which is never opened: it can run code"),
@@ -187,6 +189,20 @@ def signals_in_rows_remark(name: str, shape: tuple[int, ...]) -> str:
     return f"{name} is {shape[0]} x {shape[1]}: its {shape[0]} rows are taken for the signals, its columns for samples"
 
 
+PICTURE_NUMBERS = 64
+"""Numbers a sample of an array that has more than one axis a sample: beyond, they are pictures or clouds of points."""
+
+
+def is_picture(shape: tuple[int, ...]) -> bool:
+    """Return whether an array of this shape holds a picture or a cloud of points a sample: no channels of a device."""
+    return len(shape) > 2 and math.prod(shape[1:]) > PICTURE_NUMBERS
+
+
+def picture_remark(name: str, shape: tuple[int, ...]) -> str:
+    """Return the remark on an array of pictures."""
+    return f"'{name}' is {' x '.join(map(str, shape))}: pictures are no channels, and are left out"
+
+
 def samples_first(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
     """Return an array (n,) or (n, k) with its samples along the first axis, as far as its shape alone shows it.
 
@@ -199,6 +215,12 @@ def samples_first(name: str, values: NDArray[Any], remarks: list[str]) -> NDArra
     if values.shape[0] > 1:
         remarks.append(signals_in_rows_remark(name, values.shape))
     return values.T
+
+
+def missing_library(path: Path, kind: str, package: str, extra: str, error: ImportError) -> HapticevalError:
+    """Return the error of a file that only a library reads which is not installed, with the command that adds it."""
+    what = f"{path} is {kind}, which needs the package '{package}'"
+    return HapticevalError(what, why=str(error), todo=install_command(extra))
 
 
 def damaged_error(path: Path, why: str) -> InputError:
@@ -312,9 +334,9 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     """
     path = Path(path)
     chosen = _detected_format(path) if format is None else _named_format(format)
-    # A ROS 2 bag is a folder: everything below it counts towards the memory limit.
-    files = (file for file in path.rglob("*") if file.is_file()) if path.is_dir() else (path,)
-    reserve(sum(file.stat().st_size for file in files if file.exists()), str(path))
+    # Ours count what they take, and leave out what is no channel before.
+    if not chosen.ours and path.is_file():
+        reserve(path.stat().st_size, str(path))
     with nullcontext() if chosen.ours else blame_importer(f"the importer {importer_name(chosen.read)}", chosen.read):
         try:
             table = chosen.read(path)
@@ -328,7 +350,7 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     if not table.columns:
         raise InputError(
             f"{path} holds no column of numbers",
-            why="; ".join(table.warnings) or f"it was read as {chosen.about}",
+            why="; ".join([*table.warnings, *table.remarks]) or f"it was read as {chosen.about}",
             todo="name another format with --format",
         )
     return replace(_with_joined_stamps(table), format=format or chosen.name)

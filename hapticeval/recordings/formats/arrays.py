@@ -1,4 +1,4 @@
-"""Files of named arrays: HDF5 of any origin, and NumPy's .npz. Every numeric array is columns.
+"""Files of named arrays: HDF5 of any origin, NumPy's .npz and .npy, Parquet, TDMS. Every numeric array is columns.
 
 What a file names outside of itself is never opened: external links, external storage and virtual data sets of HDF5 can
 read any path of the machine, and pickled objects of NumPy can run code.
@@ -20,7 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats import Table, damaged_error, importer, samples_first, spread
+from hapticeval.recordings.formats import (
+    Table,
+    damaged_error,
+    importer,
+    is_picture,
+    missing_library,
+    picture_remark,
+    samples_first,
+    spread,
+)
 from hapticeval.recordings.hdf5 import DAMAGE, SIGNATURE, lies_elsewhere
 from hapticeval.recordings.memory import reserve
 
@@ -67,6 +76,10 @@ class Arrays:
                 self.add(f"{name}.{part}", values[part])
         elif values.dtype.kind in "US" and values.size == 1:
             self.attributes[name] = str(values.ravel()[0])
+        elif is_picture(values.shape):
+            self.remarks.append(picture_remark(name, values.shape))
+        elif values.dtype.kind in "mM":  # times: whole nanoseconds since 1970, or durations
+            self.columns[name], self.units[name] = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64), "ns"
         elif values.dtype.kind not in "fiub":
             self.remarks.append(f"'{name}' is of type {values.dtype}, which is left out")
         elif values.size == 1:
@@ -173,7 +186,9 @@ def _add_dataset(nodes: Nodes, arrays: Arrays, name: str, node: Any) -> None:
     for part, kind in kinds.items():
         if part not in numeric:
             arrays.remarks.append(f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out")
-    if numeric and node.size:
+    if is_picture(node.shape or ()):
+        arrays.remarks.append(picture_remark(name, node.shape))
+    elif numeric and node.size:
         values = np.asarray(nodes.read(node, name, numeric if node.dtype.names else None))
         for part in numeric if values.size else ():
             arrays.add(f"{name}.{part}" if part else name, values[part] if part else values)
@@ -221,4 +236,79 @@ def read_npz(path: Path) -> Table:
         raise damaged_error(path, f"{place}: {error}") from error
     units = {name: str(arrays.attributes.get(f"unit:{name}", "")) for name in arrays.columns}
     arrays.units = {name: unit for name, unit in units.items() if unit}
+    return arrays.table()
+
+
+@importer("npy", about="a NumPy array (.npy)", recognises=lambda head: head.startswith(np.lib.format.MAGIC_PREFIX))
+def read_npy(path: Path) -> Table:
+    """Return the columns `array[0]`, `array[1]`, ... of an array, or those of its fields."""
+    reserve(path.stat().st_size, str(path))
+    arrays = Arrays()
+    try:
+        arrays.add("array", np.load(path, allow_pickle=False))
+    except NPZ_DAMAGE as error:
+        raise damaged_error(path, str(error)) from error
+    return arrays.table()
+
+
+@importer("parquet", about="a Parquet file", recognises=lambda head: head.startswith(b"PAR1"))
+def read_parquet(path: Path) -> Table:
+    """Return the columns of numbers and times; lists of one length are columns `name[0]`, `name[1]`, ...
+
+    Raises `HapticevalError` without `pyarrow`.
+    """
+    try:
+        from pyarrow import ArrowException, parquet, types
+    except ImportError as error:
+        raise missing_library(path, "a Parquet file", "pyarrow", "logs", error) from error
+    arrays, size = Arrays(), 0
+    try:
+        with parquet.ParquetFile(path) as file:
+            for field in file.schema_arrow:
+                listed = types.is_list(field.type) or types.is_fixed_size_list(field.type)
+                kind = field.type.value_type if listed else field.type
+                if not (types.is_primitive(kind) or types.is_dictionary(kind)):
+                    arrays.remarks.append(f"'{field.name}' is of type {field.type}, which is left out")
+                    continue
+                column = file.read([field.name]).column(0).combine_chunks()
+                size += 8 * len(column.flatten() if listed else column)
+                reserve(size, f"{path}, as far as it was read,")
+                values = (column.flatten() if listed else column).to_numpy(zero_copy_only=False)
+                if listed and (len(values) % max(len(column), 1) or len(set(column.value_lengths().to_pylist())) > 1):
+                    arrays.remarks.append(f"'{field.name}' has lists of different lengths, and is left out")
+                else:
+                    arrays.add(field.name, values.reshape(len(column), -1) if listed else values)
+    except (ArrowException, OSError) as error:
+        raise damaged_error(path, str(error)) from error
+    return arrays.table()
+
+
+@importer("tdms", about="a TDMS file of LabVIEW", recognises=lambda head: head.startswith(b"TDSm"))
+def read_tdms(path: Path) -> Table:
+    """Return columns `group/channel` with the units that they state, and `group/time` where a channel states its step.
+
+    Raises `HapticevalError` without `nptdms`.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise missing_library(path, "a TDMS file", "npTDMS", "logs", error) from error
+    arrays, size = Arrays(), 0
+    try:
+        with TdmsFile.open(path) as file:
+            for group in file.groups():
+                for channel in group.channels():
+                    size += 8 * len(channel)
+                    reserve(size, f"{path}, as far as it was read,")
+                    name, time = f"{group.name}/{channel.name}", f"{group.name}/time"
+                    arrays.add(name, np.asarray(channel[:]))
+                    if unit := channel.properties.get("unit_string"):
+                        arrays.units[name] = str(unit)
+                    if "wf_increment" in channel.properties and time not in arrays.columns and len(channel) > 1:
+                        arrays.add(time, channel.time_track())
+                        arrays.units[time] = "s"
+    except HapticevalError:
+        raise
+    except Exception as error:  # nptdms raises whatever its parsing meets
+        raise damaged_error(path, str(error)) from error
     return arrays.table()

@@ -1,4 +1,4 @@
-"""ROS 1 bags (a .bag file) and ROS 2 bags (a folder with metadata.yaml), through the package `rosbags`.
+"""ROS 1 bags (.bag) and ROS 2 bags (a folder with metadata.yaml, or an .mcap), by the package `rosbags`.
 
 Every topic has columns of its own and clocks of its own: `/wrench.received` is when the bag took the message, ns, and
 `/wrench.header.stamp` when the sender made it, ns. Topics are never brought onto one clock here: the mapping says how.
@@ -12,33 +12,27 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.extras import install_command
-from hapticeval.recordings.formats import Table, importer
+from hapticeval.recordings.formats import PICTURE_NUMBERS, Table, importer, missing_library
 from hapticeval.recordings.memory import FOLDER_MARK, reserve
 
 BYTES_A_NUMBER = 40
 """Bytes that a number takes while the messages are read."""
 
-LONGEST_ARRAY = 64
-"""Arrays in a message with more numbers than this are pictures and clouds, no channels of a device."""
-
 
 def _recognises(head: bytes) -> bool:
-    return head.startswith(b"#ROSBAG V") or (head.startswith(FOLDER_MARK) and b"metadata.yaml" in head.split(b"\n"))
+    if head.startswith(FOLDER_MARK):
+        return b"metadata.yaml" in head.split(b"\n")
+    return head.startswith((b"#ROSBAG V", b"\x89MCAP0\r\n"))
 
 
-@importer("rosbag", about="a ROS 1 or ROS 2 bag", recognises=_recognises)
+@importer("rosbag", about="a ROS 1 or ROS 2 bag, or an .mcap of one", recognises=_recognises)
 def read_rosbag(path: Path) -> Table:
     """Columns `topic.field`; numbers in arrays as `topic.field[0]`. Raises `HapticevalError` without `rosbags`."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise HapticevalError(
-            f"{path} is a ROS bag, which needs the package 'rosbags'",
-            why=str(error),
-            todo=install_command("ros"),
-        ) from error
+        raise missing_library(path, "a ROS bag", "rosbags", "ros", error) from error
     columns: dict[str, list[int | float]] = {}
     topics: dict[str, str] = {}
     rows: dict[str, int] = {}
@@ -96,7 +90,7 @@ def _flatten(name: str, value: Any, numbers: dict[str, int | float]) -> None:
     elif hasattr(value, "nanosec") and hasattr(value, "sec"):
         numbers[name] = int(value.sec) * 1_000_000_000 + int(value.nanosec)
     elif isinstance(value, np.ndarray | list | tuple):
-        for place, element in enumerate(value if len(value) <= LONGEST_ARRAY else ()):
+        for place, element in enumerate(value if len(value) <= PICTURE_NUMBERS else ()):
             _flatten(f"{name}[{place}]", element, numbers)
     elif hasattr(value, "__dataclass_fields__"):
         for part in value.__dataclass_fields__:

@@ -64,6 +64,7 @@ def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     A number that was cut off reads like another number, so a last line without its end is left out unless `is_whole`
     shows it to be complete. Raises `InputError` where not one line is complete.
     """
+    reserve(path.stat().st_size, str(path))
     data = decoded(path.read_bytes()).encode().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
     last = data[end:].decode()

@@ -13,6 +13,7 @@ from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import creating, csv_cell, writing
 from hapticeval.quantity import plural
 from hapticeval.recordings.formats import Table, formats, read_table
+from hapticeval.recordings.formats.trials import trial_of
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
     FORMAT,
@@ -32,10 +33,16 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 
 def load(
-    path: Path | str, *, mapping: Path | str | None = None, format: str | None = None, salvaging: bool = False
+    path: Path | str,
+    *,
+    mapping: Path | str | None = None,
+    format: str | None = None,
+    trial: str | None = None,
+    salvaging: bool = False,
 ) -> Recording:
     """Return the recording in a file of any kind: ours, the journal of a recorder, or a foreign one by its mapping.
 
+    `trial` is one of a foreign file that holds several, by name or number, in place of that of the mapping.
     A journal gives what is whole of it. So does one of our files that is cut short or damaged where `salvaging` is
     asked for; otherwise it is an error. Either way the recording's events of kind `lost` report what is missing. Raises
     `InputError` for a foreign file without a mapping and one of ours with it, and as `recover`, `read_recording`,
@@ -43,7 +50,7 @@ def load(
     """
     path = Path(path)
     if not is_ours(path):
-        return _foreign(path, mapping, format)
+        return _foreign(path, mapping, format, trial)
     if mapping is not None:
         raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
     if _is_journal(first_bytes(path)):
@@ -56,7 +63,7 @@ def load(
         return salvage(path)
 
 
-def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Recording:
+def _foreign(path: Path, mapping: Path | str | None, format: str | None, trial: str | None) -> Recording:
     """Return the recording that a mapping makes of a file of somebody else's. Raises `InputError` without a mapping."""
     if mapping is None:
         raise InputError(
@@ -78,7 +85,8 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Reco
                 why="its columns have other names there",
                 todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
             )
-    return convert(read_table(path, format=format_name), file_mapping, file=path.name)
+    table, trial = read_table(path, format=format_name), trial or file_mapping.document.trial
+    return convert(table if trial is None else trial_of(table, trial), file_mapping, file=path.name)
 
 
 def is_ours(path: Path | str) -> bool:
@@ -183,6 +191,9 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
     stamps = np.where(known | (latest == never), stamps, latest)
     ordered = known.copy()
     ordered[1:] &= stamps[1:] > latest[:-1]
+    repeats = int(np.sum(np.diff(stamps[known]) == 0))
+    if repeats and repeats == np.sum(~ordered) and time.disorder == "refuse":
+        raise _equal_stamps(time.column, stamps, repeats)
     if not ordered.all() and time.disorder == "refuse":
         row, count = int(np.argmin(ordered)), int(np.sum(~ordered))
         before = f"{1e-9 * stamps[row - 1]:.9g} s, then " if row else ""
@@ -195,6 +206,21 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
             todo="make a file of each run: the clock begins anew there" if anew else todo,
         )
     return stamps, ordered
+
+
+def _equal_stamps(column: str, stamps: IntArray, repeats: int) -> InputError:
+    """Return the error of a clock that never goes back and gives several rows one time, as one of few digits does."""
+    rising = np.diff(stamps)
+    step, row = 1e-9 * float(np.median(rising[rising > 0])) if np.any(rising > 0) else 0.0, int(np.argmin(rising)) + 1
+    rate = (stamps.size - 1) / max(1e-9 * float(stamps[-1] - stamps[0]), 1e-9)
+    mean = f"about {rate:.4g} rows a second, if they are evenly spaced"
+    few = 'mark them as no measurement: [time] disorder = "mask"'
+    return InputError(
+        f"the time '{column}' has equal stamps: {plural(repeats, 'row')} of {stamps.size} have the time of the row "
+        f"before, first row {row}",
+        why=f"it counts in steps of {step:.4g} s, and nothing is re-timed silently",
+        todo=f"state their rate, in Hz, in place of column and unit: [time] rate = ... ({mean}); or {few}",
+    )
 
 
 def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:

@@ -1,6 +1,7 @@
 """Mappings: TOML files that state which column of a foreign file is which channel, with unit and sign; and proposals.
 
     title = "rig 7, stroke along the wall"
+    trial = "demo_0"                        # of a file that holds several: a name, or a number from "0"
 
     [time]
     column = "t"                            # or rate = 1000, where the file has no clock
@@ -133,6 +134,7 @@ class Document(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     channels: Annotated[dict[str, dict[str, Any]], msgspec.Meta(min_length=1)]
     title: str = ""
     format: str | None = None
+    trial: str | None = None
     gaps: Gaps | None = None
     device: dict[str, Any] | None = None
     meta: dict[str, Any] = {}

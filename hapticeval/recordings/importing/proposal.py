@@ -88,12 +88,12 @@ MOST_COMPONENTS = 3
 """More columns are no vector of the world, nor joints of a device that is known here."""
 
 
-def propose(table: Table, *, file: str = "FILE") -> str:
+def propose(table: Table, *, file: str = "FILE", trial: str | None = None) -> str:
     """Return a mapping as TOML text, with a remark on all that the file does not state.
 
     Units stand in it where the file or the name of a column states them. A position's sign is 1, which makes the
     file's axes the frame; the sign of a force is `?`. A file that hapticeval wrote states everything, and its proposal
-    can be used as it is.
+    can be used as it is. The table is one `trial` of the file where that is named.
     """
     ours = bool(table.attributes.get("hapticeval"))
     clock_names = clocks(table)
@@ -106,6 +106,7 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         f"# Its format is code of yours, which no mapping names: give --format {table.format} beside the mapping."
         if ":" in table.format
         else f"format = {toml_text(table.format)}",
+        *([] if trial is None else [f"trial = {toml_text(trial)}"]),
         "",
         "[time]",
         *_time(table, clock_names),

@@ -22,7 +22,7 @@ from hapticeval.quantity import plural
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.provenance import declared_floor
-from hapticeval.recordings.quantization import coarsest, numeric_step
+from hapticeval.recordings.quantization import coarsest, noise_deviation, numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import stretches
 from hapticeval.types import Array, BoolArray
@@ -309,6 +309,13 @@ STUCK_TIMES = 30.0
 RECURRING_SHARE = 0.1
 """Share of the travel for which a reading stays that comes back: it is a level of the sensor, or a limit."""
 
+BAND_SHARE = 0.8
+"""Share of the rows within a quantum of a reading that a stuck one keeps: of a smooth signal on a lattice it is at most
+0.71, where the signal turns, sqrt(1) to sqrt(2)."""
+
+STILL_SECONDS, STILL_SHARE = 0.2, 0.2
+"""A hand at one place to the bit for so long, while its force changes by that share of its largest, is stuck."""
+
 LEAST_MOVES = 50
 """Steps in which the hand must move before a column that never changes is reported."""
 
@@ -340,9 +347,10 @@ def issues_of_rest(recording: Recording, known: Sequence[Issue]) -> Iterator[Iss
         travel, other = _travel(recording, columns, name)
         numbers = column.values[recording.measured]
         numbers = numbers[np.isfinite(numbers)]
-        if not other:
+        # A column without a sound row is reported by its rows without a number.
+        if not other or not numbers.size:
             continue
-        if numbers.size and float(np.ptp(numbers)) <= STUCK_ROUNDING * float(np.max(np.abs(numbers))):
+        if float(np.ptp(numbers)) <= STUCK_ROUNDING * float(np.max(np.abs(numbers))):
             yield from _constant_column(recording, name, column, travel, other)
         elif column.unit in MOVING_UNITS:
             reported = [(issue.first, issue.end) for issue in known if issue.channel == name]
@@ -434,7 +442,7 @@ def _stuck_runs(recording: Recording, column: Column, travel: Array, place: Arra
     A speed that was made of a `place` (n,) keeps its value where that goes on evenly, and is left alone.
     """
     values, measured = column.values, recording.measured
-    rounding = STUCK_ROUNDING * float(np.max(np.abs(values[measured])))
+    rounding, step = STUCK_ROUNDING * float(np.max(np.abs(values[measured]))), numeric_step(values[measured]) or 0.0
     both = measured[1:] & measured[:-1]
     same = both & (np.abs(np.diff(values)) <= rounding)
     # Travel up to each row, m or rad: that over a run is a difference of two of them.
@@ -454,9 +462,36 @@ def _stuck_runs(recording: Recording, column: Column, travel: Array, place: Arra
         # A value that comes back, and stays there for long again, is a level of the sensor or a limit of the motor.
         alike = np.array([abs(values[other] - values[first]) <= rounding for other, _ in runs])
         alike[index] = False
-        recurs = bool(np.any(moved[alike] >= RECURRING_SHARE * moved[index]))
+        recurs = bool(np.any(moved[alike] >= RECURRING_SHARE * moved[index])) or _turns(values, step, first, end)
         if not (recurs or _rightly_constant(recording, column, slice(first, end), place)):
             yield StuckRun((first, end), float(moved[index]), elsewhere / changes)
+
+
+def _turns(values: Array, step: float, first: int, end: int) -> bool:
+    """Return whether a reading on a lattice is one level of a signal that turns there, and no stuck one."""
+    near = np.abs(values - values[first]) < ZERO_LEVELS * step
+    before, after = np.flatnonzero(~near[:first]), np.flatnonzero(~near[end:])
+    band = (end + after[0] if after.size else values.size) - (before[-1] + 1 if before.size else 0)
+    return bool(end - first < BAND_SHARE * band)
+
+
+def still_hand(recording: Recording) -> Iterator[Issue]:
+    """Yield the stretches over which the hand is at one place to the bit while the force on it changes."""
+    if recording.meta.get("source") in SIMULATED or not {"hip", "force"} <= recording.channels.keys():
+        return
+    force, measured = recording.force, recording.measured
+    still = measured[1:] & measured[:-1] & ~np.any(np.diff(recording.hip, axis=0), axis=1)
+    for first, end in runs_of(still):
+        rows = slice(first, end + 1)
+        if recording.time[end] - recording.time[first] < STILL_SECONDS:
+            continue
+        changed, noise = np.ptp(force[rows], axis=0), noise_deviation(force[rows], order=1)
+        axis = int(np.argmax(changed))
+        if changed[axis] > STILL_SHARE * np.abs(force[measured]).max() and changed[axis] > SPIKE_DEVIATIONS * noise:
+            low, high = force[rows, axis].min(), force[rows, axis].max()
+            where = f"the hand is at one place over {end + 1 - first} rows"
+            message = f"{where}, while the force goes from {low:.3g} to {high:.3g} N"
+            yield make_issue(recording, "stuck", message, "hip", (first, end + 1))
 
 
 def _rightly_constant(recording: Recording, column: Column, rows: slice, place: Array | None) -> bool:

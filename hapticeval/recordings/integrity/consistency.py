@@ -10,6 +10,7 @@ A recording of HIP and force alone shows whether the model was touched, whatever
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,6 +41,17 @@ NOISE_ORDER = 4
 NOISE_SHARE = 0.2
 """Share of the largest value up to which a residual may be noise: what is noisier than that is no measurement."""
 
+FREE_DEVIATIONS = 7.5
+"""Standard deviations of what a sensor reads in free motion below which a force is none: with three axes chance passes
+five of them once in 66,000 rows, which is a minute at 1 kHz, and 7.5 once in 10^12."""
+
+COLOURED_TIMES = 10.0
+"""Noise of so many times what its steps from row to row show is still noise, behind a low-pass of up to a hundred rows.
+What is larger changes with the hand: it is a force."""
+
+FREE_ROWS_KNOWN = 100
+"""Rows in free motion that show what a sensor reads there."""
+
 TURNED_ROWS, TURNED_SHARE = 500, 0.95
 """Rows at which a force with other axes or signs is tried, and the share of them at which it has to fit."""
 
@@ -68,7 +80,8 @@ class ConsistencyTest:
     """An inverse check, see `RELATIONS`: made over `rows` rows, or not made, and `why`.
 
     The `largest` residual is in `unit`, and so is the `quantum` that the numbers of its channels resolve.
-    `noisy` says that some residuals are beyond that, but within the noise. `issues` are what contradicts it.
+    `noisy` says that some residuals are beyond that, but within the noise. `issues` are what contradicts it, and
+    `notes` what was granted.
     """
 
     name: str
@@ -79,6 +92,7 @@ class ConsistencyTest:
     noisy: bool = False
     issues: tuple[Issue, ...] = ()
     why: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def relation(self) -> str:
@@ -118,12 +132,13 @@ def inverse_checks(
         makers[KINEMATICS_RELATION] = partial(forward_kinematics, recording, rows, device)
         makers[TORQUE_RELATION] = partial(transposed_jacobian, recording, rows, device)
     if stiffness is not None:
-        makers[SPRING_RELATION] = partial(spring, recording, rows, stiffness)
+        makers[SPRING_RELATION] = partial(_at_some_lag, recording, rows, partial(spring, stiffness=stiffness))
     if model is not None:
         makers[SURFACE_RELATION] = partial(on_the_model, recording, rows, model)
         if stiffness is not None and "ihip" not in recording.channels:
             # Without an IHIP the tool is where the spring says: at HIP + F / K_p.
-            makers[IMPLIED_RELATION] = partial(implied_tool, recording, rows, model, stiffness)
+            implied = partial(implied_tool, model=model, stiffness=stiffness)
+            makers[IMPLIED_RELATION] = partial(_at_some_lag, recording, rows, implied)
         makers[CONTACT_RELATION] = partial(contact, recording, rows, model)
     checks = []
     for name, make in makers.items():
@@ -133,6 +148,21 @@ def inverse_checks(
         why = f"the log has no {' and no '.join(missing)}" if missing else why
         checks.append(ConsistencyTest(name, why=why) if why else make())
     return tuple(checks)
+
+
+def _at_some_lag(
+    recording: Recording, rows: IntArray, check_of: Callable[[Recording, IntArray], ConsistencyTest]
+) -> ConsistencyTest:
+    """Make a check of the force at the least lag at which it holds, up to `LAG_TICKS`; as it is where there is none."""
+    as_logged = check = check_of(recording, rows)
+    for lag in range(1, LAG_TICKS + 1):
+        if not check.issues:
+            break
+        force = np.concatenate([recording.force[lag:], np.repeat(recording.force[-1:], lag, axis=0)])
+        earlier = replace(recording, channels={**recording.channels, "force": force})
+        check = check_of(earlier, rows[rows < len(recording) - lag])
+        check = replace(check, notes=(*check.notes, f"the force is {plural(lag, 'row')} late"))
+    return as_logged if check.issues else check
 
 
 def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
@@ -207,15 +237,16 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     best: the least squares of d + n . F / K_p, which is the distance to first order. What the renderer
     declares of its own representation is allowed.
     """
-    quantum = coarsest(recording.force[rows])
-    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > _free_reading(recording, rows)]
+    quantum, floor = coarsest(recording.force[rows]), force_floor(recording, rows, model)
+    known_noise = free_noise(recording, rows, model) / stiffness
+    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
     if rows.size == 0:
         return ConsistencyTest(IMPLIED_RELATION, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
     # (6.1) solved for the tool: IHIP = HIP + F / K_p, which has to lie on the boundary.
     residual = model.boundary.closest_point(hip + force / stiffness).distance[:, np.newaxis]
     step = coarsest(hip) + quantum / stiffness + _blurred(recording)
-    noise = _noise(residual, force / stiffness)
+    noise = max(_noise(residual, force / stiffness), known_noise)
     check = _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size, noise=noise)
     frame = model.boundary.closest_point(hip)
     # To first order the tool's distance is d + n . F / K: least squares in 1 / K gives K = sum (n.F)^2 / -sum d (n.F).
@@ -227,10 +258,48 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     )
 
 
-def _free_reading(recording: Recording, rows: IntArray) -> float:
-    """Return the largest force that a sensor may read in free motion, N: of its steps, as declared, or of its noise."""
-    force = recording.force[rows]
-    return max(RESIDUAL_QUANTA * coarsest(force) + _noise(force, force), declared_floor(recording) or 0.0)
+def force_floor(recording: Recording, rows: IntArray, model: Model) -> float:
+    """Return the largest force that counts as none at `rows` (n,), N: the one that the recording declares, or what the
+    sensor's steps and its noise make in free motion."""
+    declared = declared_floor(recording)
+    if declared is not None:
+        return declared
+    return RESIDUAL_QUANTA * coarsest(recording.force[rows]) + free_noise(recording, rows, model)
+
+
+def free_noise(recording: Recording, rows: IntArray, model: Model) -> float:
+    """Return how far noise takes a force off none, N: as free motion shows it, outside of the model for `LAG_TICKS`.
+
+    Where hardly anything of `rows` (n,) is free, the steps of the force show its white noise alone.
+    """
+    force, free = recording.force, _free_rows(recording, rows, model)
+    if free.size < FREE_ROWS_KNOWN:
+        return _noise(force[rows], force[rows])
+    readings = force[free] - np.median(force[free], axis=0)
+    following = np.diff(free) == 1
+    white = float(np.max(np.median(np.abs(np.diff(readings, axis=0)[following]), axis=0), initial=0.0)) / math.sqrt(2.0)
+    coloured = float(np.max(np.median(np.abs(readings), axis=0)))
+    # The median of |z| / 0.6745 is the deviation of normal noise z.
+    return FREE_DEVIATIONS * (coloured if white < coloured < COLOURED_TIMES * white else white) / 0.6745
+
+
+def _free_rows(recording: Recording, rows: IntArray, model: Model) -> IntArray:
+    """Return those of `rows` (n,) at which the hand has been outside of the model for `LAG_TICKS` rows."""
+    return rows[_through(recording, _distance(recording, rows, model), np.minimum)[rows] > _allowed(recording, rows)]
+
+
+def _distance(recording: Recording, rows: IntArray, model: Model) -> Array:
+    """Return how far the hand is outside of the model, (n,), m, negative inside; NaN but at `rows`."""
+    place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
+    distance = np.full(len(recording), np.nan)
+    distance[rows] = model.boundary.closest_point(place[rows]).distance
+    return distance
+
+
+def _allowed(recording: Recording, rows: IntArray) -> float:
+    """Return by how much the hand's place may be off, m: its steps, and what a renderer declares of its surface."""
+    place = recording.channels.get("measured_hip", recording.hip)
+    return RESIDUAL_QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
 
 
 def _noise(values: Array, signal: Array) -> float:
@@ -252,22 +321,22 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     by which a renderer may be late. A hand that has come out of another face is still held: see `_barred`. A surface
     that holds from both sides (a scene that is `bilateral`) pulls outside: only the inside is judged then.
     """
-    place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
-    distance = np.full(len(recording), np.nan)
-    distance[rows] = model.boundary.closest_point(place[rows]).distance
-    allowed = RESIDUAL_QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
+    place = recording.channels.get("measured_hip", recording.hip)
+    distance, allowed = _distance(recording, rows, model), _allowed(recording, rows)
     # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, for LAG_TICKS rows.
     size = np.linalg.norm(recording.force, axis=1)
-    floor = _free_reading(recording, rows)
-    # m: a hand may be so deep with a force that is lost in the floor, by the stiffness that most forces have.
+    floor = force_floor(recording, rows, model)
+    # N: noise that is known may lower a force of twice the floor to it.
+    lost = floor * (2.0 if _free_rows(recording, rows, model).size >= FREE_ROWS_KNOWN else 1.0)
+    # m: a hand may be so deep with a force that is lost so, by the stiffness that most forces have.
     pressed = rows[(size[rows] > floor) & (distance[rows] < 0.0)]
-    unfelt = floor * float(np.median(-distance[pressed] / size[pressed])) if pressed.size else 0.0
+    unfelt = lost * float(np.median(-distance[pressed] / size[pressed])) if pressed.size else 0.0
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed - unfelt)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
-    away &= ~_barred(recording, np.flatnonzero(away), place, model)
+    away &= ~_barred(recording, np.flatnonzero(away), place, distance, model)
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
     issues = []
     for words, at in (
@@ -281,20 +350,26 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
             span = int(at[0]), int(at[-1]) + 1
             issues.append(make_issue(recording, CONTACT_RELATION, message, "force", span, rows=int(at.size)))
     largest, quantum = float(off[rows].max(initial=0.0)), allowed / RESIDUAL_QUANTA
-    return ConsistencyTest(CONTACT_RELATION, "m", int(rows.size), largest, quantum, issues=tuple(issues))
+    notes = (f"a force below {format_number(floor, 2)} N counts as none, by what free motion reads",)
+    return ConsistencyTest(
+        CONTACT_RELATION, "m", int(rows.size), largest, quantum, issues=tuple(issues), notes=notes if floor else ()
+    )
 
 
-def _barred(recording: Recording, rows: IntArray, place: Array, model: Model) -> BoolArray:
+def _barred(recording: Recording, rows: IntArray, place: Array, distance: Array, model: Model) -> BoolArray:
     """Return where the solid lies between the HIP, outside of it, and the tool on another face, (n,); sought at `rows`.
 
-    The tool is the IHIP. Without one it lies where the force at `place` (n, N), m, points, no farther than the model is
-    large. It may still be held `LAG_TICKS` rows later.
+    The tool is the IHIP. Without one it is where the hand last went in, if the force points there: a hand that comes
+    out where it went in has not gone through. It may still be held `LAG_TICKS` rows later.
     """
-    if "ihip" in recording.channels:
-        tools = recording.ihip
-    else:
-        size = np.linalg.norm(recording.force, axis=1, keepdims=True)
-        tools = place + model.size * recording.force / np.where(size > 0.0, size, 1.0)
+    tools = recording.channels.get("ihip")
+    if tools is None:
+        # The last row outside before each time that the hand goes in, at every later row; -1 before the first.
+        enters = np.concatenate([[False], (distance[1:] < 0.0) & (distance[:-1] >= 0.0)])
+        entry = np.maximum.accumulate(np.where(enters, np.arange(len(place)) - 1, -1))
+        tools = place[np.maximum(entry, 0)]
+        rows = rows[entry[rows] >= 0]
+        rows = rows[np.sum(recording.force[rows] * (tools - place)[rows], axis=1) > 0.0]
     barred = np.zeros(len(recording))
     # More rows than so many are a fault of another kind, and take long.
     for row in rows[:MOST_BARRED]:

@@ -69,6 +69,7 @@ ADVICE: Mapping[str, str] = {
     "spike": "leave it out; see the cable and the logger",
     "constant": f"see the sensor and its cable, and {WHICH_COLUMN}",
     "repeated rows": "the logger wrote old samples: see its rate and that of the device, and record again",
+    "dropped rows": "see whether every cycle was logged, and give the file's own clock in place of a rate",
     "copy": f"see {WHICH_COLUMN}",
     "shifted copy": f"see {WHICH_COLUMN}",
     "from another run": "see which run was meant: a hand never moves the same way twice",

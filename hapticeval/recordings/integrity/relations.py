@@ -381,6 +381,8 @@ def _speed(recording: Recording) -> float | None:
     if "hip" not in recording.channels:
         return None
     keep = recording.measured
+    if not keep.any():
+        return None
     hip: Array = recording.hip[keep]
     steps, moved = np.diff(recording.time[keep]), np.linalg.norm(np.diff(hip, axis=0), axis=1)
     # At rest a hand has no typical speed, and stamps that repeat give none.

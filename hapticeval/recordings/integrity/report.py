@@ -15,7 +15,7 @@ from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.issue import LEFT_OUT_KINDS, Issue, Severity
-from hapticeval.recordings.integrity.timing import Timing, examine_timing
+from hapticeval.recordings.integrity.timing import Timing, dropped_rows, examine_timing
 from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
@@ -24,6 +24,8 @@ from hapticeval.types import BoolArray
 
 DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     columns.repeated_rows,
+    columns.still_hand,
+    dropped_rows,
     relations.copies,
     relations.velocities,
     relations.force_lag,
@@ -204,6 +206,7 @@ def _checks(report: Integrity) -> list[str]:
            format_number(check.largest / check.quantum, 3) if check.quantum > 0.0 else "-", f"{check.rows}",
            "contradicted" if check.issues else "holds" + check.noisy * " but for noise") for check in checks_made),
     ]) if checks_made else []  # fmt: skip
+    lines += [f"{check.name}: {note}" for check in checks_made for note in check.notes]
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
     return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
 

@@ -8,14 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.quantity import plural
+from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, make_issue
 from hapticeval.recordings.provenance import describe_losses, describe_warnings
+from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import GAP_STEPS, continuing_steps
 from hapticeval.types import IntArray
 
 CATCH_UP_ROWS = 3
 """A late row is no gap where the clock is on its grid again after as many rows: nothing is missing then."""
+
+DROPPED_STEP, DROPPED_TOLERANCE = 2.0, 0.15
+"""A hand's step over one row that is missing is so many times those beside it, which agree: each within that share."""
+
+DROPPED_QUANTA, FEWEST_DROPPED = 10.0, 10
+"""Steps of fewer quanta are too coarse to tell, and fewer such places may be chance."""
 
 HALF_STEP = 0.5
 """Half a sampling time decides whether a row is missing or late."""
@@ -109,6 +117,33 @@ def _gaps(stamps: IntArray, steps: IntArray, sequence: IntArray | None, median: 
     cycle = float(np.median(steps[counted] / jumps[counted])) if counted.any() else median
     skipped = np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF_STEP) * cycle)).tolist()
     return cycle, {row: int(jumps[row]) - 1 for row in skipped}
+
+
+def dropped_rows(recording: Recording) -> Iterator[Issue]:
+    """Yield an issue where single steps of the hand are twice those beside them: the times do not show that rows lack.
+
+    A hand has mass: its steps change by little from row to row. A rate that is stated in place of a clock hides gaps.
+    """
+    if recording.meta.get("source") in SIMULATED or "hip" not in recording.channels or len(recording) < 4:
+        return
+    moved = np.diff(recording.hip, axis=0)
+    moved[~(recording.measured[1:] & recording.measured[:-1])] = np.nan
+    seconds = np.diff(recording.time)
+    before, step, after = moved[:-2], moved[1:-1], moved[2:]
+    beside = 0.5 * (before + after)
+    size = np.linalg.norm(beside, axis=1)
+    agree = np.linalg.norm(after - before, axis=1) < DROPPED_TOLERANCE * size
+    double = np.linalg.norm(step - DROPPED_STEP * beside, axis=1) < DROPPED_TOLERANCE * size
+    even = np.abs(seconds[1:-1] - np.median(seconds)) < HALF_STEP * np.median(seconds)
+    clear = agree & even & (size > DROPPED_QUANTA * coarsest(recording.hip))
+    places = np.flatnonzero(clear & double)
+    if places.size >= FEWEST_DROPPED:
+        share = 100.0 * places.size / max(int(np.count_nonzero(clear)), 1)
+        message = (
+            f"at {places.size} places the hand goes twice as far in a row as in those beside it, first at row "
+            f"{places[0] + 2}: about {share:.2g} % of the rows are missing, and the times do not show it"
+        )
+        yield make_issue(recording, "dropped rows", message, "time", rows=int(places.size))
 
 
 def _caught_up(stamps: IntArray, row: int, median: float) -> bool:
