@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -50,7 +49,9 @@ def trial_of(table: Table, trial: str) -> Table:
         return replace(
             table,
             columns={inner: table[outer] for inner, outer in columns.items()},
-            **{part: _renamed(getattr(table, part), columns) for part in ("units", "notes", "topics")},
+            units=_renamed(table.units, columns),
+            notes=_renamed(table.notes, columns),
+            topics=_renamed(table.topics, columns),
         )
     numbering = _numbering(table)
     assert numbering is not None  # else it has no trials
@@ -88,5 +89,5 @@ def _numbering(table: Table) -> str | None:
     return None
 
 
-def _renamed(words: Mapping[str, Any], columns: Mapping[str, str]) -> dict[str, Any]:
+def _renamed(words: Mapping[str, str], columns: Mapping[str, str]) -> dict[str, str]:
     return {inner: words[outer] for inner, outer in columns.items() if outer in words}
