@@ -24,10 +24,10 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, kind_of
 from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
-from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
+from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.quantity import format_quantity, plural
 from hapticeval.recordings.difference import Difference
-from hapticeval.runner.standing import Standing, counts_in_words
+from hapticeval.runner.standing import Standing, counts_in_words, standing_of
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
@@ -428,24 +428,15 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def standing(self) -> Standing:
-        """What the verdict amounts to: its outcome compared with what was expected, see `Standing`."""
-        outcome = self.outcome
-        unsatisfied = outcome in UNSATISFIED
-        if self.known is not None:
-            return Standing.KNOWN if unsatisfied else Standing.OUTDATED
-        if outcome is Outcome.ERROR:
-            return Standing.ERROR
-        if self.published is not None and outcome is not self.published:
-            return Standing.DIFFERS
-        if outcome is Outcome.NOT_APPLICABLE:
-            return Standing.NOT_APPLICABLE
-        if not self.as_expected:
-            return Standing.FAIL if outcome is Outcome.FAIL else Standing.UNDECIDED
-        if self.level is Level.INFO:
-            return Standing.NOT_JUDGED
-        if self.inherent:
-            return Standing.INHERENT
-        return Standing.WARNING if unsatisfied else Standing.PASS
+        """What the verdict amounts to: its outcome compared with what was expected."""
+        return standing_of(
+            self.outcome,
+            level=self.level,
+            published=self.published,
+            as_expected=self.as_expected,
+            known=self.known is not None,
+            inherent=bool(self.inherent),
+        )
 
     def stops(self, *, strict: bool) -> bool:
         """Return whether the verdict stops a gate."""

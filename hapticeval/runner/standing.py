@@ -1,10 +1,12 @@
-"""What a verdict amounts to: the one set of words, signs and counts of terminal, reports, JUnit, badge and pytest."""
+"""What a verdict amounts to, and the one set of words, signs and counts of it: terminal, reports, badge, pytest."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
 from enum import StrEnum
+
+from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome
 
 
 class Standing(StrEnum):
@@ -74,6 +76,31 @@ class Standing(StrEnum):
     def judged(self) -> bool:
         """Whether it is a verdict on the renderer: the question arose, and its answer counts."""
         return self not in (Standing.NOT_JUDGED, Standing.NOT_APPLICABLE)
+
+
+def standing_of(
+    outcome: Outcome, *, level: Level, published: Outcome | None, as_expected: bool, known: bool, inherent: bool
+) -> Standing:
+    """Return what a verdict amounts to: the first line that holds decides.
+
+    `known`: it is on a list of known failures, which comes before all else. `as_expected`: see `Verdict.as_expected`.
+    """
+    unsatisfied = outcome in UNSATISFIED
+    if known:
+        return Standing.KNOWN if unsatisfied else Standing.OUTDATED
+    if outcome is Outcome.ERROR:
+        return Standing.ERROR
+    if published is not None and outcome is not published:
+        return Standing.DIFFERS
+    if outcome is Outcome.NOT_APPLICABLE:
+        return Standing.NOT_APPLICABLE
+    if not as_expected:
+        return Standing.FAIL if outcome is Outcome.FAIL else Standing.UNDECIDED
+    if level is Level.INFO:
+        return Standing.NOT_JUDGED
+    if inherent:
+        return Standing.INHERENT
+    return Standing.WARNING if unsatisfied else Standing.PASS
 
 
 def count_standings(standings: Iterable[Standing]) -> list[tuple[Standing, int]]:
