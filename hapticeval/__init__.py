@@ -129,6 +129,11 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    """Return the public names, whether or not they were imported yet."""
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
     """Import a name on its first use (PEP 562)."""
     # Reading the package's metadata is slow next to this import: only who asks for the version pays for it.

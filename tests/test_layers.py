@@ -397,6 +397,7 @@ def test_every_public_name_can_be_had() -> None:
 
     missing = [name for name in hapticeval.__all__ if not hasattr(hapticeval, name)]
     assert missing == []
+    assert dir(hapticeval) == sorted(hapticeval.__all__)
 
 
 def test_an_unknown_public_name_is_an_attribute_error() -> None:

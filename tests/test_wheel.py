@@ -41,3 +41,15 @@ def test_the_wheel_installs_offline_and_judges_in_a_folder_with_spaces(tmp_path)
     typed(*command, "run", "-r", "mine:Nearest", "-k", "plane-press", cwd=folder, PYTHONPATH=str(target))
     assert (folder / "results" / "report" / "index.html").exists()
     assert (target / "hapticeval" / "examples" / "notebooks" / "judge_a_renderer.ipynb").exists()
+
+
+@pytest.mark.system
+def test_a_checkout_that_is_not_installed_says_so():
+    # Without site-packages there are neither libraries nor the package's metadata.
+    done = subprocess.run(
+        [sys.executable, "-S", "-m", "hapticeval"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: hapticeval is not installed")
+    assert "make run" in done.stderr
+    assert "Traceback" not in done.stderr
