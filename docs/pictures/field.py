@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticeval.discovery import resolve
+from hapticeval.discovery import FIELD, known_renderers, resolve
 from hapticeval.reports.canvas import INK, MM, QUIET, THEME, figure
 from hapticeval.reports.run_figure import clearest_coordinates
 from hapticeval.runner.judging import judge
@@ -13,7 +13,7 @@ from hapticeval.suite.reading import load_suite
 PICTURES = Path("pictures")
 PICTURES.mkdir(exist_ok=True)
 
-NAMES = ("virtual-proxy", "local-plane", "coupled", "neighbourhood", "implicit")
+NAMES = sorted(name for name, entry in known_renderers().items() if entry.group == FIELD)
 CASES = (("thesis", "star-convex-corner", "the tip of the star"), ("solids", "cube-edge", "an edge of the cube"))
 
 for name in NAMES:
