@@ -342,10 +342,10 @@ def _lead_by_law(renderer: WrappedRenderer, law: CompiledStep, rows: Rows, answe
         law_value(law.function, law.data), law.data, push, hips, velocities, dt, answers.ihip, answers.force, reported,
         answers.contact,
     )  # fmt: skip
-    bad = ~np.isfinite([answers.ihip[:answered], answers.force[:answered]]).all(axis=(0, 2))
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise not_finite(ticks.at(row), rows.hip[row], answers.ihip[row], answers.force[row])
+    ihips, forces, _ = answers.part(slice(answered))
+    if not (np.isfinite(ihips).all() and np.isfinite(forces).all()):
+        row = int(np.argmin(np.isfinite(ihips).all(axis=1) & np.isfinite(forces).all(axis=1)))
+        raise not_finite(ticks.at(row), rows.hip[row], ihips[row], forces[row])
     if answered < rows.dt.size:
         tick, hip = ticks.at(answered), rows.hip[answered]
         step_checked(renderer, tick, hip, rows.velocity[answered], float(rows.dt[answered]), may_refuse=False)
