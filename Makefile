@@ -37,7 +37,7 @@ run: $(VENV)/run.stamp
 	@rm -rf results/robot.h5 results/replay
 	@$(BIN)/hapticeval record --model cassinian --seconds 5 -o results/robot.h5 || true
 	@$(BIN)/hapticeval replay results/robot.h5 -r minimum-distance -r constraint -r conformal -o results/replay || true
-	@$(BIN)/hapticeval run thesis dynamics generated effects hard-cases solids -o results || { code=$$?; \
+	@$(BIN)/hapticeval run thesis dynamics generated effects hard-cases solids experiments -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 

@@ -367,8 +367,11 @@ ALIKE_ON_A_LINE = ("pp-d", "pp-pd", "pp-pd-c")
 def form_of(scheme: str, scene: Scene) -> ClosedForm | None:
     """Return the closed form that a law has in a scene, the thesis's own before a general one, or None.
 
-    There is none where a robot moves that nothing linearises, or an effect acts that no form knows.
+    There is none where a robot moves that nothing linearises, or that is taken for another, or an effect acts that no
+    form knows.
     """
+    if scene.believed is not None:
+        return None
     linear = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
     if not linear or not {effect.kind for effect in scene.effects} <= {VISCOSITY, FORCE_SENSOR}:
         return None

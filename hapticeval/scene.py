@@ -30,7 +30,8 @@ class Scene:
       catalogue, without those that are off.
 
     An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, and the `inner_loop` that
-    turns the renderer's force into joint torques.
+    turns the renderer's force into joint torques. `believed` is the device that the inner loop takes it for, where that
+    is another one: of the same kind, with the same lengths, and with other inertias or dampings.
 
     Raises `InputError` for a gain or a mass that is negative, zero where it may not be, or not finite, and for effects
     that make no sense together or on the device.
@@ -45,6 +46,7 @@ class Scene:
     sampling_time: float = 1e-3
     device: Device | None = None
     inner_loop: InnerLoop = InnerLoop.STATIC
+    believed: Device | None = None
     effects: tuple[Effect, ...] = ()
 
     def __post_init__(self) -> None:
@@ -65,6 +67,11 @@ class Scene:
             raise InputError(
                 f"restitution = {self.restitution!r}",
                 why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
+            )
+        if self.believed is not None and self.believed.name != self.robot.name:
+            raise InputError(
+                f"the inner loop believes in a {self.believed.name}, and the device is a {self.robot.name}",
+                why="other inertias and dampings can be believed in, and no other robot",
             )
         # The scene is frozen: this is the one way to put the effects in order.
         object.__setattr__(self, "effects", in_order(self.effects))
@@ -127,6 +134,11 @@ class Scene:
     def robot(self) -> Device:
         """The device of an experiment: the scene's, or a point mass of the virtual tool's mass."""
         return PointMass(self.mass, self.model.dimension) if self.device is None else self.device
+
+    @property
+    def believed_robot(self) -> Device:
+        """The device that the inner loop takes the robot for: the robot itself where nothing else is said."""
+        return self.robot if self.believed is None else self.believed
 
 
 PLANE, SPACE, BILATERAL = "plane", "space", "bilateral"

@@ -193,7 +193,7 @@ class ProjectiveFamily:
         return tabulated(project, scene, TABULATED, **self.settings)
 
 
-CURVE, ATLAS = "curve", "atlas"
+CURVE, ATLAS, PREDICTED = "curve", "atlas", "predicted"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,11 +201,14 @@ class SetStabilisation:
     """A factory of set stabilisation renderers: on any smooth plane curve, and on smooth surfaces in space.
 
     `curve` works in the coordinates of the boundary itself; `atlas` in the two charts of thesis (7.45) to (7.56), which
-    are those of the sphere. There is no regulation scheme to choose: (7.14) is the only one.
+    are those of the sphere. The regulation scheme is (7.14); `predicted` evaluates it where the tool will be when the
+    force acts.
     """
 
     summary: str = "set stabilisation, thesis chapter 7: feedback linearisation that follows the surface's curvature"
     representation: str = CURVE
+    predicted: bool = False
+    regulations = (PREDICTED,)
     supports = frozenset({"bilateral", "viscosity", "force-sensor", "plane", "space"})
 
     @property
@@ -214,23 +217,34 @@ class SetStabilisation:
         return (CURVE, ATLAS)
 
     def variant(self, *, regulation: str | None = None, representation: str | None = None) -> SetStabilisation:
-        """The same in other coordinates. Raises `InputError` for a scheme, and `UnknownNameError` for another name."""
-        if regulation is not None:
+        """The same in other coordinates, or predicted. Raises `InputError` for what is not known, or not together."""
+        if regulation not in (None, *self.regulations):
             raise InputError(
                 f"set-stabilisation has no regulation scheme '{regulation}'",
                 why="its transversal controller is (7.14), with the scene's gains",
-                todo="leave '+' and the scheme out",
+                todo=f"leave '+' and the scheme out, or use +{PREDICTED}",
             )
         if representation is not None and representation not in self.representations:
             raise UnknownNameError("representation of set-stabilisation", representation, self.representations)
-        return replace(self, representation=representation or self.representation)
+        chosen = replace(
+            self,
+            representation=representation or self.representation,
+            predicted=self.predicted or regulation is not None,
+        )
+        if chosen.predicted and chosen.representation == ATLAS:
+            raise InputError(
+                f"set-stabilisation+{PREDICTED} has no charts",
+                why="the prediction is one of place and velocity in space",
+                todo=f"use set-stabilisation+{PREDICTED}, or set-stabilisation@{ATLAS}",
+            )
+        return chosen
 
     def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene. Raises `RefusalError` for a model that it cannot work on."""
         if scene.model.dimension == 3:
             from hapticeval.renderers.stabilisation import SurfaceStabilisation
 
-            return SurfaceStabilisation(scene, atlas=self.representation == ATLAS)
+            return SurfaceStabilisation(scene, atlas=self.representation == ATLAS, predicted=self.predicted)
         if self.representation == ATLAS:
             raise RefusalError(
                 f"model '{scene.model.name}' has no atlas",
@@ -239,7 +253,7 @@ class SetStabilisation:
             )
         from hapticeval.renderers.stabilisation import CurveStabilisation
 
-        return CurveStabilisation(scene)
+        return CurveStabilisation(scene, predicted=self.predicted)
 
 
 set_stabilisation = SetStabilisation()

@@ -22,23 +22,47 @@ from hapticeval.records import numbers_of, room_for
 from hapticeval.renderer import CompiledStep, Declaration
 from hapticeval.renderers.atlas import active_charts, by_charts, charts
 from hapticeval.renderers.law_renderer import LawRenderer
-from hapticeval.renderers.stabilisation_laws import BEYOND, SET_GAINS, TOUCH, on_curve, on_surface
+from hapticeval.renderers.stabilisation_laws import (
+    BEYOND,
+    PREDICTED_STATE,
+    SET_GAINS,
+    TOUCH,
+    on_curve,
+    on_curve_predicted,
+    on_surface,
+    on_surface_predicted,
+)
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
 class Stabilisation(LawRenderer):
-    """The step of a law of set stabilisation, with the hand's force as sensed."""
+    """The step of a law of set stabilisation, with the hand's force as sensed.
+
+    Where `predicted` it is evaluated where the tool will be when the force acts: see `stabilisation_laws`.
+    """
 
     declares = Declaration(closed_form="set-stabilisation", memoryless=True)
 
-    def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
-        check_gains(scene)
+    def __init__(
+        self, scene: Scene, law: Callable[..., Any], surface: Boundary, *, predicted: bool, **tables: ArrayLike
+    ) -> None:
+        if predicted:
+            check_prediction(scene)
+            # It goes by the force of the tick before.
+            self.declares = Declaration(closed_form="set-stabilisation")
+        check_gains(scene, predicted=predicted)
         gains = numbers_of(
             SET_GAINS, stiffness=scene.stiffness, damping=scene.damping, mass=scene.mass, viscosity=scene.viscosity,
             bilateral=scene.bilateral,
         )  # fmt: skip
-        data = law_data(gains, state=room_for(TOUCH), **tables)
+        if predicted:
+            # What is known of the loop: the low-pass of its velocities, and the delay of its motors.
+            low_pass, delay = scene.effect("velocity-filter"), scene.effect("delay")
+            gains = np.append(
+                gains, [0.0 if low_pass is None else low_pass.cutoff, 0.0 if delay is None else delay.time]
+            )
+        data = law_data(gains, state=room_for(PREDICTED_STATE if predicted else TOUCH), **tables)
         where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
         domain_exits = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
         super().__init__(CompiledStep(law, data, domain_exits), surface)
@@ -63,9 +87,10 @@ class CurveStabilisation(Stabilisation):
     Raises `RefusalError` for a curve with corners, and `InputError` as `check_gains` does.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, predicted: bool) -> None:
         curve = smooth_curve(scene.model)
-        super().__init__(scene, on_curve, curve, pieces=curve.pieces, lookup=curve.samples)
+        law = on_curve_predicted if predicted else on_curve
+        super().__init__(scene, law, curve, predicted=predicted, pieces=curve.pieces, lookup=curve.samples)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (2,), m, where 1 + n κ <= 0, as `what` says."""
@@ -92,7 +117,28 @@ def smooth_curve(model: Model) -> Curve:
     return curve
 
 
-def check_gains(scene: Scene) -> None:
+def check_prediction(scene: Scene) -> None:
+    """Raises `RefusalError` for a scene in which the last force does not say how the tool moves on."""
+    if not scene.bilateral:
+        raise RefusalError(
+            "set-stabilisation+predicted is for a surface that holds the tool from both sides",
+            why="where a contact begins there is no force of the tick before to go by",
+            todo="use set-stabilisation, or say bilateral = true in the scene",
+        )
+    if not tool_moves(scene):
+        raise RefusalError(
+            "set-stabilisation+predicted needs a device that moves as the tool does",
+            why="the force of the tick before moves another mass here",
+            todo='say inner_loop = "linearised" in the scene, or leave the device out',
+        )
+
+
+def tool_moves(scene: Scene) -> bool:
+    """Return whether the force moves the mass that it was computed for."""
+    return scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
+
+
+def check_gains(scene: Scene, *, predicted: bool) -> None:
     """Raises `InputError` for gains with which a bilateral constraint is unstable at the scene's sampling time.
 
     Held over T, n̈ = -(K_p n + K_d ṅ)/m becomes, with k = K_p/m and d = K_d/m, a step with the characteristic polynomial
@@ -102,17 +148,30 @@ def check_gains(scene: Scene) -> None:
     whose roots lie in the unit circle (Jury) when the last coefficient is below 1, K_p < 2 K_d / T, and the value at -1
     is positive, K_d < 2 m / T. Along the surface ṡ is multiplied by 1 - b_d T/m each tick: b_d < 2 m / T.
 
+    With the prediction, for h = T/2, the force has a memory: n̈ = -K_p n - (K_p h + K_d) (ṅ + h n̈_prev) over m, and the
+    step three eigenvalues.
+
     Not asked of a unilateral contact, where the hand is in the loop and may damp it, nor where the force moves another
     mass than the tool's, as `static` and `compensated` inner loops let it.
     """
-    # the force moves the mass that it was computed for
-    tool_moves = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
-    if not (scene.bilateral and tool_moves):
+    if not (scene.bilateral and tool_moves(scene)):
         return
     period, mass = scene.sampling_time, scene.mass
     # k T^2 / 2 and d T of the polynomial: Jury's conditions are k < d < 2 in them
     k, d = 0.5 * scene.stiffness * period**2 / mass, scene.damping * period / mass
-    if not k < d < 2.0:
+    if predicted:
+        # In n / T^2, ṅ / T and n̈ of the tick before; with h = T/2.
+        answer = np.array([-2.0 * k, -(k + d), -0.5 * (k + d)])
+        step = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+        size = float(np.max(np.abs(np.linalg.eigvals(step + np.outer([0.5, 1.0, 1.0], answer)))))
+        if not size < 1.0:
+            raise InputError(
+                f"stiffness {scene.stiffness:g} N/m and damping {scene.damping:g} N s/m are unstable at {period:g} s "
+                "with the prediction",
+                why=f"the sampled constraint has an eigenvalue of size {size:.9g}",
+                todo="sample faster, lower the stiffness, or change the damping",
+            )
+    elif not k < d < 2.0:
         size = float(np.max(np.abs(np.roots([1.0, d + k - 2.0, 1.0 - d + k]))))
         raise InputError(
             f"stiffness {scene.stiffness:g} N/m and damping {scene.damping:g} N s/m are unstable at {period:g} s",
@@ -144,7 +203,7 @@ class SurfaceStabilisation(Stabilisation):
 
     surface: Surface
 
-    def __init__(self, scene: Scene, *, atlas: bool) -> None:
+    def __init__(self, scene: Scene, *, atlas: bool, predicted: bool) -> None:
         surface = scene.model.surface
         if atlas and surface.kind != "sphere":
             raise RefusalError(
@@ -152,7 +211,8 @@ class SurfaceStabilisation(Stabilisation):
                 why="the charts of (7.45) to (7.56) are those of the sphere",
                 todo="use set-stabilisation as it is, which needs no charts",
             )
-        super().__init__(scene, by_charts if atlas else on_surface, surface, pieces=surface.row[np.newaxis])
+        law = by_charts if atlas else on_surface_predicted if predicted else on_surface
+        super().__init__(scene, law, surface, predicted=predicted, pieces=surface.row[np.newaxis])
         self._scene = scene
         self._atlas = atlas
 
@@ -191,7 +251,7 @@ class SurfaceStabilisation(Stabilisation):
         """What the inner loop makes of forces (n, 3)."""
         scene = self._scene
         joints, rates = recording.channels["joint_position"], recording.channels["joint_velocity"]
-        return scene.inner_loop.torques(scene.robot, joints, rates, forces, mass=scene.mass, push=push)
+        return scene.inner_loop.torques(scene.believed_robot, joints, rates, forces, mass=scene.mass, push=push)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Return the error for a hand at `hip` (3,), m, where I + nW is not positive, as `what` says."""

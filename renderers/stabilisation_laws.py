@@ -59,11 +59,26 @@ it presses again, -(K_p + K_d a) Δn + K_d a ∫ v dt = 0 with v >= 0: the tool 
 
 So at n = 0 it has given nothing on balance. A touch with v_0 > 0, of a tool that was about to leave, may give what the
 spring takes in unfelt, at the most U with S = K_p K_d v_0 / (K_p + K_d a).
+
+A sampled loop is late. Its force is held for a tick T and comes after a delay d, so that it acts h = T/2 + d after its
+sample in the mean, and a filter shows the velocity of τ before. On a circle of radius r a tool of angular speed ω is
+then seen to leave by v τ ω, which the spring balances, n = -(K_d/K_p) v τ ω; and 2 m κ ṅ ṡ makes of it 2 τ m v ω^2
+along the circle. The centripetal force is turned by ω h besides, which adds h m v ω^2. So
+
+    ω̇ = c ω^3,    c = 2 τ + T/2 + d,
+
+and ω grows without end within 1 / (2 c ω_0^2). The predicted laws evaluate the same force where the tool will be,
+
+    v̂ = v + (τ + h) (F_prev + F_o) / m,    ŷ = y + h v̂,
+
+with F_prev the force of the tick before. Both errors are of the second order in h and τ, and so c is zero to the first.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve_kernels import nearest_with_values
@@ -80,6 +95,13 @@ SET_GAINS = record_type("stiffness", "damping", "mass", "viscosity", "bilateral"
 
 TOUCH = record_type("n", base=PAST)
 """The `state`: with where the tool touched at the tick before, n in m."""
+
+PREDICTION = record_type("cutoff", "delay", base=SET_GAINS)
+"""The `params` of a predicted law: with the cutoff of the velocity's low-pass, Hz, 0 where velocity is exact, and the
+delay of the motors, s."""
+
+PREDICTED_STATE = record_type(base=TOUCH, last_force=3)
+"""The `state` of a predicted law: with the force of the tick before, N."""
 
 BEYOND = 1
 """The number of a domain exit: at or beyond the centre of curvature of the foot."""
@@ -199,6 +221,61 @@ def on_surface(
     for i in range(3):
         ihip[i], force[i] = foot[i], pressing * normal[i] + sliding[i]
     return 0
+
+
+@compiled
+def velocity_lag(cutoff: float, dt: float) -> float:
+    """Return how late a velocity from differences is in the mean, τ, s, behind a low-pass of `cutoff` (Hz); 0 without.
+
+    A difference is dt/2 late. The low-pass has the weights (1 - q) q^j, q = e^(-2π f dt), whose mean lag is
+    dt q / (1 - q).
+    """
+    if cutoff == 0.0:
+        return 0.0
+    decay = math.exp(-2.0 * math.pi * cutoff * dt)
+    return 0.5 * dt + dt * decay / (1.0 - decay)
+
+
+@compiled
+def predict(data: LawData, hip: Array, velocity: Array, push: Array, dt: float, place: Array, motion: Array) -> None:
+    """Write where the tool will be when the force acts, `place` (N,), m, and how fast, `motion` (N,), m/s.
+
+    `hip` (N,), m, `velocity` (N,), m/s, `push` (N,), N, and `dt`, s, are those of the law.
+    """
+    numbers, past = as_record(data.params, PREDICTION), as_record(data.state, PREDICTED_STATE)
+    ahead = 0.5 * dt + numbers.delay  # h
+    late = velocity_lag(numbers.cutoff, dt) + ahead
+    for i in range(hip.shape[0]):
+        motion[i] = velocity[i] + late * (past.last_force[i] + push[i]) / numbers.mass
+        place[i] = hip[i] + ahead * motion[i]
+
+
+@compiled
+def on_curve_predicted(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """One tick of `on_curve` at the predicted place, whose foot is the IHIP."""
+    place, motion = np.empty_like(hip), np.empty_like(hip)
+    predict(data, hip, velocity, push, dt, place, motion)
+    number = on_curve(data, place, motion, push, dt, ihip, force)
+    past = as_record(data.state, PREDICTED_STATE)
+    for i in range(2):
+        past.last_force[i] = force[i]
+    return number
+
+
+@compiled
+def on_surface_predicted(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """One tick of `on_surface` at the predicted place, whose foot is the IHIP."""
+    place, motion = np.empty_like(hip), np.empty_like(hip)
+    predict(data, hip, velocity, push, dt, place, motion)
+    number = on_surface(data, place, motion, push, dt, ihip, force)
+    past = as_record(data.state, PREDICTED_STATE)
+    for i in range(3):
+        past.last_force[i] = force[i]
+    return number
 
 
 @compiled

@@ -288,7 +288,7 @@ class ReportView:
                 grouped.setdefault((verdict.suite, verdict.case), []).append(verdict)
         tables = []
         for key, verdicts in grouped.items():
-            # For instance "Table 7.1": the number in print.
+            # For instance "Table 6.3": the number in print.
             cited = re.search(r"Table (\d+\.\d+)", runs[key].citation or "")
             tables.append(ClosedFormTable(runs[key], verdicts, cited[1] if cited else ""))
         # False sorts first: tables with a number before those without.

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,10 +20,13 @@ from hapticeval.errors import HapticevalError, InputError, describe_error, origi
 if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
     from hapticeval.hardware.live import LiveRun
+    from hapticeval.hardware.twin import Twin
     from hapticeval.hardware.wiring import Wiring
     from hapticeval.recordings.recorder import Recorder, Summary
     from hapticeval.renderer import WrappedRenderer
     from hapticeval.scene import Scene
+    from hapticeval.stimulus.stimulus import Experiment
+    from hapticeval.suite.case import Case
 
 TWIN = "twin"
 """The name of the simulated robot that takes the hardware's place."""
@@ -44,6 +48,7 @@ Exit codes:
 
 
 def record(
+    context: typer.Context,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.h5", help="The recording to write.")],
     hardware: Annotated[
         str,
@@ -75,6 +80,13 @@ def record(
     model: Annotated[
         str, typer.Option(metavar="MODEL", help="As in `hapticeval study field`: circle, cassinian:size=0.15, ...")
     ] = "circle",
+    experiment: Annotated[
+        str | None,
+        option(
+            metavar="CASE",
+            help="A case of the suite `experiments`, in place of --model, --stiffness, --damping and --seconds.",
+        ),
+    ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Cycles a second.", min=1.0)] = 1000.0,
     refuse_above: Annotated[
         bool,
@@ -105,13 +117,20 @@ def record(
       hapticeval record --device twin -o run.h5
       hapticeval record --device twin --real-time --seconds 60 -o run.h5
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
+      hapticeval record --experiment circle-pushed-slow -r set-stabilisation -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
     from hapticeval.hardware.live import warm
+    from hapticeval.hardware.twin import demonstration
 
     journal = _journal_of(output)
-    wired = _wiring_of(hardware, robot, wiring)
+    case = None if experiment is None else _experiment_named(experiment, context)
+    wired = _wiring_of(hardware, robot, wiring, strong=case is not None)
     scene = _make_scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
+    protocol = None
+    if case is not None:
+        scene, protocol = _scene_of_experiment(case, wired, rate)
+        seconds = protocol.duration
     chosen_renderer = _renderer_on_hardware(renderer, scene)
     # Compiles what the loop calls: in the loop that would miss cycles.
     warm(wired, chosen_renderer, scene)
@@ -121,8 +140,10 @@ def record(
         **_recording_meta(scene, wired, renderer, hardware=hardware, who=who, simulated=simulated),
         **chosen_renderer.meta,
     }
-    opener = _hardware_opener(hardware, wired, scene, simulated=simulated)
-    session = _Session(wired, scene, chosen_renderer, meta, max(1, round(seconds * rate)), simulated, refuse_above)
+    robot_of = partial(demonstration, wired, scene) if case is None else partial(_pushed_twin, case, wired, 1.0 / rate)
+    opener = _hardware_opener(hardware, wired, robot_of, simulated=simulated)
+    cycles, phases = max(1, round(seconds * rate)), () if protocol is None else protocol.phases
+    session = _Session(wired, scene, chosen_renderer, meta, cycles, simulated, refuse_above, phases)
     live, summary = session.record(opener, journal, output)
     early = f"; ended early: {live.ended}" if live.ended else ""
     lines = [f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}", _step_times(live, rate)]
@@ -183,6 +204,7 @@ class _Session:
     cycles: int
     simulated: bool
     refusing: bool
+    phases: tuple[tuple[float, str], ...] = ()
 
     def record(
         self, opener: AbstractContextManager[Callable[[], HardwareDevice]], journal: Path, output: Path
@@ -214,6 +236,7 @@ class _Session:
                         tell=tell,
                         patience=FIRST_PATIENCE if self.simulated else None,
                         refusing=self.refusing,
+                        phases=self.phases,
                     )
                 except HapticevalError as error:
                     failure = error
@@ -244,7 +267,8 @@ class _Session:
             # Once a second: printing takes time from the loop's side.
             if done >= reported_cycles + rate:
                 reported_cycles = done
-                words = f"{done / rate:.0f} of {self.cycles / rate:g} s"
+                begun = [name for begin, name in self.phases if begin * rate <= done]
+                words = ": ".join([f"{done / rate:.0f} of {self.cycles / rate:g} s", *begun[-1:]])
                 terminal.working(min(done, self.cycles) - 1, self.cycles, words)
 
         return tell
@@ -302,14 +326,50 @@ def _interrupted_words(journal: Path, output: Path, summary: Summary | None) -> 
     return f"interrupted: the run is kept in {journal}: hapticeval convert {journal} -o {output}"
 
 
-def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
+def _experiment_named(name: str, context: typer.Context) -> Case:
+    """Return the case of the suite `experiments`. Raises `UnknownNameError`, and `InputError` for what it decides."""
+    from hapticeval.suite.reading import load_suite
+
+    for option_name in ("model", "stiffness", "damping", "seconds"):
+        source = context.get_parameter_source(option_name)
+        if source is not None and source.name == "COMMANDLINE":
+            raise InputError(
+                f"--experiment and --{option_name} are both given",
+                why="an experiment has its own",
+                todo="leave one out",
+            )
+    return load_suite("experiments").case(name)
+
+
+def _scene_of_experiment(case: Case, wiring: Wiring, rate: float) -> tuple[Scene, Experiment]:
+    """Return the scene of an experiment on the robot that is there, which has its own imperfections; the protocol."""
+    from dataclasses import replace
+
+    scene, protocol = case.build_scene(), case.experiment
+    assert protocol is not None
+    on_robot = replace(scene, device=wiring.device, believed=None, effects=(), sampling_time=1.0 / rate)
+    return on_robot, protocol.experiment(case.folder)
+
+
+def _pushed_twin(case: Case, wiring: Wiring, dt: float) -> Twin:
+    """Return the simulated robot with the imperfections of a case, under the pushes of its experiment."""
+    from hapticeval.hardware.twin import Twin
+
+    assert case.experiment is not None
+    protocol = case.experiment.experiment(case.folder)
+    effects, push = case.build_scene().effects, protocol.operator_force
+    return Twin(wiring, effects, position=protocol.position, hand=protocol.hand, dt=dt, push=push)
+
+
+def _wiring_of(hardware: str, robot: str | None, file: Path | None, *, strong: bool) -> Wiring:
     """From a file; else, of the twin alone, the named robot with its own encoders, wired straight.
 
     No other hardware has a wiring that could be taken for granted: radians taken as counts would be a hand that stands
-    still, deep in the model, and the force of that would go to the motors.
+    still, deep in the model, and the force of that would go to the motors. A `strong` twin has the motors that the
+    experiments in print need.
     """
     from hapticeval.devices.catalogue import device_named
-    from hapticeval.devices.parallelogram import ENCODER_COUNTS
+    from hapticeval.devices.parallelogram import ENCODER_COUNTS, LIKELY_MOTOR_TORQUE
     from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
@@ -323,7 +383,9 @@ def _wiring_of(hardware: str, robot: str | None, file: Path | None) -> Wiring:
                 + _smallest_wiring(robot or DEFAULT_ROBOT, slides=not device.turning),
             )
         # The twin's own encoders; a point mass is read in m.
-        return Wiring(device=device, counts_per_turn=ENCODER_COUNTS if device.turning else None)
+        motors = (LIKELY_MOTOR_TORQUE,) * device.dimension if strong else ()
+        counts = ENCODER_COUNTS if device.turning else None
+        return Wiring(device=device, counts_per_turn=counts, torque_limit=motors)
     # The file has a kind of its own.
     if robot is not None:
         raise InputError("--robot and --wiring both say which robot it is", todo="leave --robot out")
@@ -381,23 +443,21 @@ def _make_scene(
 
 @contextlib.contextmanager
 def _hardware_opener(
-    name: str, wiring: Wiring, scene: Scene, *, simulated: bool
+    name: str, wiring: Wiring, twin: Callable[[], Twin], *, simulated: bool
 ) -> Iterator[Callable[[], HardwareDevice]]:
-    """What opens the hardware of that name: the twin, by itself where `simulated`, else behind a loopback socket; a
-    robot behind a socket; or a driver.
+    """What opens the hardware of that name: what `twin` makes, by itself where `simulated`, else behind a loopback
+    socket; a robot behind a socket; or a driver.
 
     The twin's process starts here, before the recorder's, so that it holds nothing of that.
     """
-    from hapticeval.hardware.twin import demonstration
-
     if simulated:
-        yield lambda: demonstration(wiring, scene)
+        yield twin
         return
     from hapticeval.hardware.udp import UdpDevice, running
 
     joints = wiring.device.dimension
     if name == TWIN:
-        with running(demonstration(wiring, scene)) as address:
+        with running(twin()) as address:
             yield lambda: UdpDevice(address, joints)
     elif name.startswith("udp://"):
         # The last colon: an IPv6 address has several.
@@ -454,6 +514,7 @@ def _recording_meta(
             "model": scene.model.table,
         },
         "gains": gains,
+        "inner_loop": scene.inner_loop.value,
         "device": device.pop("kind"),
         "device_parameters": {"hardware": hardware, **device},
         "dt": scene.sampling_time,

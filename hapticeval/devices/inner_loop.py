@@ -54,7 +54,7 @@ class InnerLoop(StrEnum):
         plant.kinematics(
             plant.parameters, q, rate, rows[POSITION], rows[VELOCITY], scratch.squares[JACOBIAN], rows[DRIFT]
         )
-        torque(Inner(self.code, mass), plant, q, rate, response, sensed, scratch, out)
+        torque(Inner(self.code, mass, device.parameters), plant, q, rate, response, sensed, scratch, out)
         return out
 
     def torques(
@@ -70,7 +70,11 @@ class InnerLoop(StrEnum):
 
         q, rate, response = (np.array(rows, dtype=np.float64) for rows in (joints, rates, force))
         sensed = [None] * len(q) if push is None else np.array(push, dtype=np.float64)
-        inner, plant, scratch = Inner(self.code, mass), plant_of(device), scratch_of(device.dimension)
+        inner, plant, scratch = (
+            Inner(self.code, mass, device.parameters),
+            plant_of(device),
+            scratch_of(device.dimension),
+        )
         position, velocity, drift = (scratch.rows[row] for row in (POSITION, VELOCITY, DRIFT))
         out = np.empty_like(q)
         if not len(q):

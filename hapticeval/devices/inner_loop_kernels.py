@@ -12,10 +12,12 @@ STATIC, COMPENSATED, LINEARISED = range(3)
 
 
 class Inner(NamedTuple):
-    """An inner loop: `InnerLoop.code`, and the virtual tool's `mass`, kg."""
+    """An inner loop: `InnerLoop.code`, the virtual tool's `mass`, kg, and the `parameters` (k,) of the device that it
+    believes in: they need not be the device's own."""
 
     loop: int
     mass: float
+    parameters: Array
 
 
 @borrowing
@@ -46,7 +48,7 @@ def torque(
         return
     inertia, matrix = scratch.squares[INERTIA], scratch.squares[SCRATCH]
     bias, acceleration = scratch.rows[BIAS], scratch.rows[NET]
-    plant.dynamics(plant.parameters, joints, rates, inertia, bias)
+    plant.dynamics(inner.parameters, joints, rates, inertia, bias)
     for i in range(size):
         for k in range(size):
             matrix[i, k] = jacobian[i, k]

@@ -1,4 +1,4 @@
-"""What sensors show of the hand: encoders' counts, velocities from differences, a force sensor (thesis 2.6, A.1, 8.6).
+"""What sensors show of the hand: encoders' counts, velocities from differences, force sensors (thesis 2.6, A.1, (8.6)).
 
 A controller sees joint positions in whole counts; where nothing measures velocity it takes differences; and a sensor at
 the handle measures the hand's force, which inner loops and renderers then use.

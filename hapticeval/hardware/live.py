@@ -6,7 +6,8 @@ import contextlib
 import gc
 import time
 from array import array
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import reset_checked, step_checked
+from hapticeval.stimulus.stimulus import PHASE_EVENT
 from hapticeval.types import Array
 
 WORLD_CHANNELS = ("hip", "velocity", "ihip", "force", "sent_force")
@@ -88,6 +90,7 @@ def run(
     tell: Callable[[int], None] | None = None,
     patience: float | None = None,
     refusing: bool = False,
+    phases: Sequence[tuple[float, str]] = (),
 ) -> LiveRun:
     """Run for `cycles` cycles of the hardware: read, project, answer, limit, command, record; then stop the motors.
 
@@ -97,7 +100,8 @@ def run(
     hardware's stamp, and what was commanded beside what was sent.
 
     A cycle may take `patience` seconds, the wiring's `silent_cycles` where none is given: a simulation without a clock
-    needs more. Where `refusing`, a command above a limit ends the run.
+    needs more. Where `refusing`, a command above a limit ends the run. Of `phases`, each a time (s) and what begins
+    then, events are recorded.
 
     Ctrl-C, a recorder whose writer dies, and a renderer that is led out of where it is defined, end the run: `ended`
     gives the reason. Raises `WatchdogError` where a reading or a command is doubtful, `HapticevalError` where the
@@ -107,6 +111,7 @@ def run(
     # Made before the hardware is opened, so that nothing is built while its cycles count.
     loop = _Loop(wiring, renderer, scene, recorder, refusing=refusing)
     patience = wiring.silent_cycles * scene.sampling_time if patience is None else patience
+    coming = deque(sorted(phases))
     ended = ""
     failure: HapticevalError | None = None
     warm(wiring, renderer, scene)
@@ -118,6 +123,8 @@ def run(
                 while loop.tick + loop.missed < cycles:
                     reading = robot.read()
                     loop.step(reading.nanoseconds, reading.sequence, reading.raw, robot.write)
+                    while coming and coming[0][0] <= (loop.tick + loop.missed - 1) * scene.sampling_time:
+                        recorder.event(PHASE_EVENT, coming.popleft()[1], at=loop.stamp)
                     if tell is not None:
                         tell(loop.tick + loop.missed)
                     if recorder.failed:

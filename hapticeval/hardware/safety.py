@@ -19,6 +19,10 @@ from hapticeval.types import Array
 RESUMED_AFTER = 10
 """Missed cycles after which a force is one that resumes, *chosen*: a hand of 0.2 m/s moves 2 mm in 10 ms."""
 
+FELT_FORCE = 0.1
+"""N from which on a force that is there at once has to grow, *chosen*: what a hand just feels. On a surface that holds
+from both sides a count of the encoders is a force, and no contact."""
+
 
 class WatchdogError(HapticevalError):
     """A reading or a command is doubtful: the motors are commanded to zero, and the run ends with what it has."""
@@ -68,7 +72,7 @@ class Limiter:
         if max(excess_force, excess_torque) > 1.0:
             self._refuse(size, commanded)
         share = 1.0 / max(1.0, excess_force)
-        if resumed and size > 0.0:
+        if resumed and size > FELT_FORCE:
             self._grown = 0
         if self._grown < self._growth:
             share *= self._grown / self._growth

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -33,13 +33,21 @@ HAND_GRIP = (250.0, 4.0)
 class Twin:
     """A `HardwareDevice` that is a simulation: each `read` moves the robot on by one cycle of `dt` seconds.
 
-    It starts at rest at `position` (N,), m, held by `hand`, and is moved by the kernels of closed loops; encoders count
+    It starts at rest at `position` (N,), m, held by `hand` and pushed by the forces (n, N), N, that `push` gives at
+    times (n,), s, and is moved by the kernels of closed loops; encoders count
     by the `wiring`; of the `effects` those of motors and joints are the robot's own. It has no network and no clock, so
     that runs can be repeated.
     """
 
     def __init__(
-        self, wiring: Wiring, effects: Sequence[Effect], *, position: Array, hand: Hand | None, dt: float
+        self,
+        wiring: Wiring,
+        effects: Sequence[Effect],
+        *,
+        position: Array,
+        hand: Hand | None,
+        dt: float,
+        push: Callable[[Array], Array] | None = None,
     ) -> None:
         from hapticeval.compiled import specialised
         from hapticeval.devices.motion_kernels import Grip, Load, advance, motion_of
@@ -52,8 +60,8 @@ class Twin:
         self.joints = np.array(device.joints(position), dtype=np.float64)
         self.rates = np.zeros(size)
         self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
-        # The hand acts by its grip alone: the prescribed push, N, is zero.
-        load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
+        self._push_at, self._push = push, np.zeros((2, size))
+        load = Load(dt, self._push, self._grip, np.sum(friction, axis=0) if friction else None)
         self._motion = motion_of(device, load, default_method())
         self._motors = hook_of(part for stage, part in parts if stage is Stage.COMMAND)
         # Torques, N m: as commanded; as the motors take them up in this cycle; and those before they do.
@@ -101,6 +109,8 @@ class Twin:
         if self.hand is not None and self._grip is not None:
             # Where the hand wants to be, m, at the begin and the end of the cycle.
             self._grip.path[:] = self.hand.desired(np.array([start, start + self.dt]))
+        if self._push_at is not None:
+            self._push[:] = self._push_at(np.array([start, start + self.dt]))
         steps_done = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
         if steps_done == 0 or not np.isfinite(joints).all():
             raise HapticevalError("the simulated robot ran away", why="its motors feed energy into it without end")

@@ -552,6 +552,14 @@ FOCAL_EIGENVALUE = 1e-9
 """The least eigenvalue of I + n W at which a foot is told from its neighbours. *Chosen*, as rounding of the foot:
 doubled, the same recordings are judged."""
 
+CONSTRAINT_DISTANCE = 1e-3
+"""Distance from the surface, m, that a sliding tool may have. *Chosen*: what fingers tell of two lengths of 10 to 20 mm
+at the best, and half a percent of the usual 200 mm. Doubled, an error of position that any hand feels passes."""
+
+STOPPED_SHARE = 0.1
+"""Share of the model's size within which a tool that stops is not compared with others: 20 mm of 200 mm. *Chosen*:
+doubled, one that friction stops after a third of a radius is left out, too."""
+
 SLIDE_SHARE = 1e-3
 """Share of the model's size that a tool must have slid at its top speed for its sliding to be judged. *Chosen*:
 doubled, a tool that slides 0.3 mm on 200 mm is not judged."""

@@ -108,6 +108,7 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "gains": ("table", "stiffness (N/m), damping (N s/m) and what else the controller was set to"),
         "device": ("text", "name of the robot"),
         "device_parameters": ("table", "its lengths, masses, zero offsets and directions, SI"),
+        "inner_loop": ("text", "static, compensated or linearised: what makes torques of the force"),
         "dt": ("positive", "sampling time that the loop was meant to have, s"),
         "resolution": ("length", "length of surface over which the representation is blurred, m"),
         "standoff": ("length", "how far the rendered surface may lie off the model, m"),

@@ -1,4 +1,4 @@
-"""The ideal rigid contact: the ground truth that verdicts are measured against (thesis 3.1 to 3.8)."""
+"""The ideal rigid contact: the ground truth that verdicts are measured against (thesis (3.1) to (3.8))."""
 
 from __future__ import annotations
 

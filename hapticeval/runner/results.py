@@ -154,7 +154,10 @@ class Robot(Entry, frozen=True, kw_only=True):
 
 
 class SceneEntry(Entry, frozen=True, kw_only=True):
-    """A scene's numbers in SI units and its effects; device and inner loop only of an experiment."""
+    """A scene's numbers in SI units and its effects; device and inner loop only of an experiment.
+
+    `believed` is what the inner loop takes the device for, where that is another one.
+    """
 
     stiffness: float
     damping: float
@@ -164,6 +167,7 @@ class SceneEntry(Entry, frozen=True, kw_only=True):
     sampling_time: float
     device: Robot | None = None
     inner_loop: InnerLoop | None = None
+    believed: Robot | None = None
     effects: list[dict[str, Any]] = []
 
 

@@ -20,6 +20,7 @@ from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 
+from hapticeval.devices.device import Device
 from hapticeval.devices.parallelogram import Parallelogram
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
@@ -255,12 +256,17 @@ def _scene(case: Case) -> SceneEntry:
     # A hand that is led needs no device.
     if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
-    device = scene.robot
-    own_numbers: dict[str, Any] = {}
-    if isinstance(device, Parallelogram):
-        own_numbers = {
-            "dynamics": device.dynamics.value,
-            "base_inertia": device.base_inertia.value,
-            "constants": device.constants.changed(),
-        }
-    return SceneEntry(**numbers, device=Robot(kind=device.name, **own_numbers), inner_loop=scene.inner_loop)
+    believed = None if scene.believed is None else _robot(scene.believed)
+    return SceneEntry(**numbers, device=_robot(scene.robot), inner_loop=scene.inner_loop, believed=believed)
+
+
+def _robot(device: Device) -> Robot:
+    """Return a device as results have it."""
+    if not isinstance(device, Parallelogram):
+        return Robot(kind=device.name)
+    return Robot(
+        kind=device.name,
+        dynamics=device.dynamics.value,
+        base_inertia=device.base_inertia.value,
+        constants=device.constants.changed(),
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.pulse import note_run
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Event, Recording
 from hapticeval.renderer import AnyRenderer, CompiledStep, WrappedRenderer, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import (
@@ -34,7 +35,7 @@ from hapticeval.simulation.checked_calls import (
     step_checked,
 )
 from hapticeval.simulation.playback import contact_channel
-from hapticeval.stimulus.stimulus import Experiment, sample_times
+from hapticeval.stimulus.stimulus import PHASE_EVENT, Experiment, sample_times
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -234,14 +235,15 @@ def _recording_of(
         if isinstance(end.error, RunawayError):
             meta["ended"]["ran_away"] = True
     kept_channels = {name: values[:count] for name, values in channels.items()} | contact_channel(contact[:count])
-    recording = Recording(time[:count], kept_channels, meta=meta)
+    phases = [Event(begin, PHASE_EVENT, name) for begin, name in experiment.phases if begin <= time[count - 1]]
+    recording = Recording(time[:count], kept_channels, meta=meta, events=tuple(phases))
     if not renderer.has_diagnostics:
         return recording
     with renderer_errors("diagnostics()"):
         added = dict(renderer.diagnostics(recording))
     added_channels = {name: values for name, (_, values) in added.items()}
     signals = {name: signal for name, (signal, _) in added.items()}
-    return Recording(recording.time, {**recording.channels, **added_channels}, meta=meta, signals=signals)
+    return replace(recording, channels={**recording.channels, **added_channels}, signals=signals)
 
 
 def _runaway_error(tick: int, hip: Array, joints: Array) -> RunawayError:
@@ -294,7 +296,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     motion = motion_of(device, load, default_method())
     loop = kernels.Loop(
         motion,
-        Inner(scene.inner_loop.code, scene.mass),
+        Inner(scene.inner_loop.code, scene.mass, scene.believed_robot.parameters),
         sensors,
         feeling,
         motors,

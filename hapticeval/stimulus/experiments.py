@@ -68,7 +68,7 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """What a suite's `experiment` table holds: see `Experiment`.
 
     The operator's force comes from rows `force` (s, N, N[, N]), or from a CSV file `force_file` with the header
-    `t,fx,fy[,fz]`.
+    `t,fx,fy[,fz]`. `phases` are rows of a time (s) and what begins then.
     """
 
     duration: Positive
@@ -77,6 +77,7 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     force: Annotated[list[Annotated[list[float], Meta(min_length=3, max_length=4)]], Meta(min_length=1)] | None = None
     force_file: str | None = None
     hand: HandTable | None = None
+    phases: tuple[tuple[float, str], ...] = ()
 
     def experiment(self, folder: FilePath) -> Experiment:
         """Return the experiment; files count from `folder`.
@@ -94,6 +95,7 @@ class ExperimentTable(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             hand=None
             if hand is None
             else Hand(path=hand.path.path(folder), stiffness=hand.stiffness, damping=hand.damping),
+            phases=self.phases,
         )
 
     def _force(self, folder: FilePath) -> Array:

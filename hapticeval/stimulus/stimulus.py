@@ -121,13 +121,17 @@ class Hand:
         return Hand(path=path, stiffness=self.stiffness, damping=self.damping)
 
 
+PHASE_EVENT = "phase"
+"""The kind of the event that a phase of an experiment begins with."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A closed loop (Figure 6.17): the tool starts somewhere with a velocity, and the operator pushes.
 
     `position` (N,), m; `velocity` (N,), m/s; `force_time` (k,), s and `force` (k, N), N: the operator's force,
     straight between the given rows and held before the first and after the last; `duration`, s. A `hand` adds its
-    force to that.
+    force to that. `phases` name what happens from a time (s) on, for who reads the recording.
     """
 
     duration: float
@@ -136,6 +140,7 @@ class Experiment:
     force_time: Array
     force: Array
     hand: Hand | None = None
+    phases: tuple[tuple[float, str], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("position", "velocity", "force_time", "force"):

@@ -77,7 +77,7 @@ BUILT_ENTRIES = ("model", LISTED)
 @cache
 def _scene_table() -> type[Struct]:
     """Make the type that checks a `scene` table without effects: the numbers and choices of `Scene`, and a device."""
-    hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None}
+    hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None, "believed": dict[str, float] | None}
     # Taken from `Scene` itself, so that a new number of scenes is an entry of suite files at once.
     entries = [
         (field.name, hints[field.name], field.default) for field in fields(Scene) if field.name not in BUILT_ENTRIES
@@ -90,6 +90,7 @@ def build_scene(model: Model, table: Mapping[str, Any], folder: FilePath = FileP
 
     - `device`: a name of `devices.catalogue`, or a table of `kind` and its parameters. A point mass has the tool's mass
       and the model's dimension where it gives none.
+    - `believed`: parameters of the device that its inner loop takes for others, `{ b1 = 0.37 }`.
     - `effects`: a list, or short forms, see `read_effects`; paths of their files are relative to `folder`.
 
     Raises `InputError` for an entry that a scene does not have, for a device of another dimension than the model, and
@@ -97,9 +98,30 @@ def build_scene(model: Model, table: Mapping[str, Any], folder: FilePath = FileP
     """
     plain_entries, effects = read_effects(table, folder)
     values = structs.asdict(convert(plain_entries, _scene_table(), "scene"))
+    if values["believed"] is not None and values["device"] is None:
+        raise InputError("believed says what a device is taken for, and there is no device", todo="give the device")
     if values["device"] is not None:
+        if values["believed"] is not None:
+            values["believed"] = _believed(values["believed"], values["device"], values["mass"], model)
         values["device"] = _device(values["device"], values["mass"], model)
     return Scene(model=model, effects=effects, **values)
+
+
+BELIEVABLE = ("b1", "b2", "b3", "d1", "d2", "d3")
+"""Parameters of a robot that its inner loop may take for others: what an identification gives, and no length."""
+
+
+def _believed(parameters: Mapping[str, float], device: str | Mapping[str, Any], mass: float, model: Model) -> Device:
+    """Return the `device` with other `parameters`. Raises `InputError` for one that cannot be taken for another."""
+    unknown = [name for name in parameters if name not in BELIEVABLE]
+    if unknown:
+        raise InputError(
+            f"believed: {unknown[0]} = {parameters[unknown[0]]!r}",
+            why="an inner loop takes inertias and dampings of a robot for others; its encoders know the lengths",
+            todo=f"use: {', '.join(BELIEVABLE)}",
+        )
+    table = {"kind": device} if isinstance(device, str) else dict(device)
+    return _device({**table, **parameters}, mass, model)
 
 
 def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) -> Device:

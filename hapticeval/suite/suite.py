@@ -75,13 +75,20 @@ def digest_of_suite(suite: Suite) -> str:
 
 def digest_of_case(case: Case) -> str:
     """Return a digest of what a case asks of a renderer, its files included: all but what is said about it."""
-    return _digest([msgspec.structs.replace(case, title="", shows="", citation="", published={})])
+    asked = msgspec.structs.replace(case, title="", shows="", citation="", published={})
+    if asked.experiment is not None:
+        asked = msgspec.structs.replace(asked, experiment=msgspec.structs.replace(asked.experiment, phases=()))
+    return _digest([asked])
 
 
 def _digest(cases: Sequence[Case], rows: Sequence[Row] = ()) -> str:
     """Return a digest of cases and rows without the cases' folders; the files that they name count by their content."""
     # What was moved to another folder asks the same.
-    entries = [msgspec.structs.replace(case, folder=Path()) for case in cases]
+    entries = [msgspec.to_builtins(msgspec.structs.replace(case, folder=Path()), enc_hook=str) for case in cases]
+    for entry in entries:
+        # Phases that are not named say nothing: a case was the same before there were any.
+        if entry["experiment"] is not None and not entry["experiment"]["phases"]:
+            del entry["experiment"]["phases"]
     text = msgspec.json.encode([rows, entries], enc_hook=str).decode()
     for folder in {str(case.folder.resolve()) for case in cases}:
         text = text.replace(folder, "")

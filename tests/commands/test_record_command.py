@@ -493,3 +493,28 @@ def test_a_force_that_the_loop_cannot_hold_is_warned_about(here, capsys, argumen
     assert "a step took" in said.out
     assert arguments or "what to do" not in said.out
     assert warning in said.err if warning else "warning" not in said.err
+
+
+def test_an_experiment_of_the_thesis_is_recorded_with_its_phases(here, capsys):
+    """Pushed by the hand of the case, on its robot, held on its circle: and it follows from its renderer."""
+    assert main(["record", "--experiment", "circle-pushed-slow", "-r", "set-stabilisation", "-o", "run.h5"]) == 0
+    run = read_recording(here / "run.h5")
+    assert [(event.time, event.text) for event in run.events] == [(0.0, "pushed along"), (0.1, "slides")]
+    assert (run.meta["scene"]["bilateral"], run.meta["inner_loop"], len(run)) == (True, "linearised", 6000)
+    distance = np.abs(np.linalg.norm(run.hip, axis=1) - 0.1)
+    assert np.max(distance) < 1e-3
+    assert np.linalg.norm(run.velocity[110]) == pytest.approx(0.25, rel=0.05)
+    assert main(["replay", "run.h5", "--as-recorded"]) == 0, capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["circle-pushed", "--model", "line"], "--experiment and --model are both given"),
+        (["circle-pushed", "--seconds", "2"], "--experiment and --seconds are both given"),
+        (["circle-pushd"], "unknown case of experiments"),
+    ],
+)
+def test_an_experiment_says_all_by_itself(here, capsys, arguments, words):
+    assert main(["record", "-o", "run.h5", "--experiment", *arguments]) == 2
+    assert words in capsys.readouterr().err

@@ -174,3 +174,10 @@ def test_a_hand_may_be_as_fast_as_stated_and_a_count_besides(counts):
         step(1.001 * granted)
     with pytest.raises(WatchdogError, match="jumped"):
         step(math.nan)
+
+
+@pytest.mark.parametrize(("force", "grows"), [(0.099, False), (0.101, True)])
+def test_a_force_that_no_hand_feels_is_none_to_begin_with(force, grows):
+    sent, limiter = limited(wired(2, soft_start=0.5), np.array([force, 0.0]), resumed=True)
+    assert limiter.started == grows
+    assert np.any(sent.torque) != grows

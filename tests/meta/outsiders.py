@@ -104,6 +104,24 @@ CASES = {
             ("mirror-image", "vertex-order", "time-subdivision", "two-at-once"),
             trajectory={"kind": "generated", "seed": 3, "examples": 2, "parts": ["slide"], "most": 1},
         ),
+        case(
+            "pushed",
+            {"kind": "line"},
+            ("constraint-distance",),
+            scene={"stiffness": 50.0, "damping": 4.47, "mass": 0.1, "bilateral": True},
+            experiment={
+                "duration": 2.0,
+                "position": [0.0, 0.0],
+                "force": [
+                    [0.0, 0.0, 0.0],
+                    [0.1, 0.0, 1.0],
+                    [0.2, 0.0, 0.0],
+                    [0.9, 0.0, 0.0],
+                    [1.0, 0.5, 0.0],
+                    [1.1, 0, 0],
+                ],
+            },
+        ),
     )
 }
 """What the outsiders are led along: each begins in free space, and is the shortest that shows the faults."""
@@ -217,6 +235,11 @@ BROKEN: Mapping[str, Outsider] = {
         jumping.LetsGo,
         {"contact-kept": "after 64 ticks its step lets go of a hand inside", "memoryless": MEMORY},
     ),
+    "swinging": Outsider(
+        resolve("minimum-distance+pp"),
+        {"constraint-distance": "nothing damps what a push across has begun"},
+        ("pushed",),
+    ),
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
 
@@ -226,6 +249,7 @@ IN_A_LOOP = ("late-3", "standoff")
 HONEST: Mapping[str, Outsider] = {
     "spring": Outsider(Spring, cases=("slide", "press", "rest", "laps", "moved", "restated")),
     "held": Outsider(resolve("constraint"), cases=("plate",)),
+    "damped-spring": Outsider(resolve("minimum-distance+pp-d"), cases=("pushed",)),
     **{
         name: Outsider(honest.factory(name, Spring), cases=("slide", "press") if name in IN_A_LOOP else ("slide",))
         for name in sorted(honest.HONEST)

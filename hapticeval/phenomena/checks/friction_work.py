@@ -76,7 +76,7 @@ FRICTION_ENERGY = check_of_friction(
     id="friction-energy",
     phenomenon="none of the six: friction takes energy, and gives none",
     formula="sum of F . dx <= K sum of |dx|^2 / 2 since free space, at every tick",
-    citation="thesis 2.6.1, 4.3.3",
+    citation="thesis 2.6, 4.3.3",
     metric="work that the hand has got since free space",
     unit="J",
     effects=(FRICTION, VISCOUS_FRICTION),

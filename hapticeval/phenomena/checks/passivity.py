@@ -366,7 +366,7 @@ CHECK = Check(
     id="passivity",
     phenomenon="none of the six: a rigid, frictionless surface gives the hand no energy (3.2, 3.5)",
     formula="W = sum of F . dx <= 0 since free space, and over each closed lap after the first, as h -> 0",
-    citation="thesis 2.6.1, 3.2",
+    citation="thesis 2.6, 3.2",
     channels=("hip", "force"),
     reads_also=("ihip",),
     siblings={

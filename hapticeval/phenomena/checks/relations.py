@@ -239,7 +239,7 @@ TIME_SUBDIVISION = check_of_relation(
     needs=f"{NOBODY}, or the renderer answers a stimulus whole, and not in ticks",
     id="time-subdivision",
     formula="IHIP and F of HIP k of n = those of HIP 2 k of 2 n, with dt / 2",
-    citation="a rigid contact answers the hand's way and velocity, and knows no ticks; 3.1, 3.8",
+    citation="a rigid contact answers the hand's way and velocity, and knows no ticks; 3.1, (3.8)",
     siblings={"moved": f"{OFF_BY_ROUNDING}, and by half a step"},
     judge=judge_subdivided,
 )

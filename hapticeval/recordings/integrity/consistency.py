@@ -146,6 +146,8 @@ def inverse_checks(
         # A check that cannot be made is reported with its reason, never left out silently.
         why = "" if rows.size else "not one row is valid"
         why = f"the log has no {' and no '.join(missing)}" if missing else why
+        if name == TORQUE_RELATION and recording.meta.get("inner_loop", "static") != "static":
+            why = f"the inner loop is {recording.meta['inner_loop']}: its torques are more than the force's"
         checks.append(ConsistencyTest(name, why=why) if why else make())
     return tuple(checks)
 
