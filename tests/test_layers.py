@@ -20,6 +20,7 @@ LAYERS = (
     {"bracket", "laws"},
     {"documents"},
     {"files", "geometry", "quantity", "workers"},
+    {"diagnosis"},
     {"devices", "recordings", "table"},
     {"effects"},
     {"scene"},

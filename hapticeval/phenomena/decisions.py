@@ -344,29 +344,9 @@ A message says so, and what holding the force may give at the scene's own rate i
 
 *Chosen*: the square of what is a factor of four. Doubled, a range from 0.2 to 6 counts as one that says something."""
 
-SPIKE_SHARE = 0.1
-"""Share of all ticks up to which those that are off are spikes: more of them are what a renderer does as a rule.
-*Chosen*, for words alone: doubled, faults in a fifth of the ticks are called spikes."""
-
 CAUSE_SHARE = 0.5
 """Share of the deviation's spread, or of its variance, from which its cause is named. *Chosen*, for words alone:
 doubled, no cause is named."""
-
-GROUP_SAMPLES = 8
-"""Samples that a median needs at least, and groups into which depths, times and places are divided first. *Chosen*:
-doubled, shorter contacts have no cause named."""
-
-FINE_GROUPS = 32
-"""Groups into which they are divided where that explains nothing, each of `GROUP_SAMPLES` samples. *Chosen*, for words
-alone: doubled, causes are named where there are 512 samples."""
-
-END_SHARE = 0.1
-"""Share of the samples that are the first and the last, the shallowest and the deepest, whose medians are told.
-*Chosen*, for words alone: doubled, those of a fifth are told."""
-
-RATIO_DIGITS = 6
-"""Digits behind the point to which two shares of the stiffness are one, where they are ranked. *Chosen*, for words
-alone, above rounding: doubled, rounding is ranked too."""
 
 # impulsive_collision
 

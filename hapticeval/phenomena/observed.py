@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 from hapticeval.geometry.boundary import Boundary, ClosestPoint
 from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, LAG_TICKS, PLACE_ROUNDING, WIDE_RANGE
 from hapticeval.phenomena.lag import Lag, find_lag, resting_ticks
@@ -33,6 +34,9 @@ from hapticeval.recordings.recording import Recording, runs_of, single_rounding
 from hapticeval.renderer import STIFFNESS_LIMITS
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
+
+EXPLAINED_EXACTLY = 1.0 - 1e-6
+"""Share of a simulated force's deviation that its cause explains: what is less may only look like it."""
 
 Shared = TypeVar("Shared", Array, BoolArray)
 
@@ -430,6 +434,53 @@ class Observed:
         By what it declares: its standoff, or where it declares a resolution only, that.
         """
         return (self.believed_standoff or self.resolution) + self.rounding + self.log_step("hip", "ihip")
+
+    # Causes
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Why force or contact point are off, asked for where a check fails.
+
+        Compared with the renderer's own contact point first: what explains the force to the last digits is its cause.
+        Else with a rigid tool's that is led along the hand's path, whose nearest points hold a bilateral constraint.
+        """
+        logged = self.meta.get("source") not in SIMULATED
+        ihip = self.channels.get("ihip") if not self.lacks_ihip else None
+        led = self.nearest.foot if self.scene.bilateral else None
+
+        def compared_with(points: Array | None, **options: Any) -> Diagnosis:
+            contact = right_contact(
+                self.boundary,
+                self.time,
+                self.hip,
+                None if logged and "velocity" not in self.channels else self.velocity,
+                stiffness=self.scene.stiffness,
+                damping=self.scene.damping,
+                points=points,
+            )
+            return diagnose(contact, self.force, noisy=logged, tolerance=self.across_allowed, **options)
+
+        own = Diagnosis(False) if ihip is None else compared_with(ihip)
+        if own.cause is not None and own.share > EXPLAINED_EXACTLY and not logged:
+            return own
+        right = compared_with(led, ihip=ihip, boundary=self.boundary if logged else None)
+        return right if right.cause is not None or own.cause is None else own
+
+    @property
+    def cause(self) -> str:
+        """The cause of what is off, in words; that none is known, where none explains it."""
+        return self.diagnosis.sentence if self.diagnosis.off else "no known cause explains it"
+
+    @property
+    def cause_evidence(self) -> dict[str, Any]:
+        """The cause as evidence: its kind and numbers, and what it is not told from on this path."""
+        diagnosis = self.diagnosis
+        evidence: dict[str, Any] = {"cause": diagnosis.kind if diagnosis.off else "unexplained"}
+        if diagnosis.cause is not None:
+            evidence["cause_numbers"] = dict(diagnosis.cause.numbers)
+        if diagnosis.remedy:
+            evidence["not_told_apart"] = diagnosis.remedy
+        return evidence
 
     # Words
 

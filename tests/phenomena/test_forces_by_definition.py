@@ -29,21 +29,10 @@ from hapticeval.phenomena.measures.stiffness import (
     largest_other_force,
     measure_stiffness,
 )
-from hapticeval.phenomena.measures.stiffness_pattern import (
-    _describe_missing_force,
-    _describe_stretch,
-    _describe_stretches,
-    _explain_by_causes,
-    _explained_share,
-    _longest_run,
-    _low_pass_constant,
-    _place_groups,
-    _rank_groups,
-)
 from hapticeval.phenomena.measures.surface_force import surface_force_of
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 
@@ -182,51 +171,6 @@ class TestStiffness:
 
 
 class TestCauses:
-    @given(values=st.lists(st.integers(0, 20), min_size=6, max_size=40), count=st.integers(2, 5))
-    def test_ranks_are_grouped_evenly_and_equal_ones_alike(self, values, count):
-        group = _rank_groups(np.array(values, dtype=float), count)
-        assert 0 <= group.min() <= group.max() < count
-        order = np.argsort(values, kind="stable")
-        assert np.all(np.diff(group[order]) >= 0)
-        assert all(
-            len({int(group[i]) for i in np.flatnonzero(np.array(values) == value)}) == 1 for value in set(values)
-        )
-        if len(set(values)) == len(values):
-            sizes = np.bincount(group, minlength=count)
-            assert np.ptp(sizes) <= 2
-
-    def test_the_longest_group_of_places_is_halved_across_its_longest_side(self):
-        points = np.array([[0.0, 0.0], [1.0, 0.0], [7.0, 0.0], [8.0, 0.5], [8.0, 3.0]])
-        assert _place_groups(points, 1).tolist() == [0] * 5
-        assert _place_groups(points, 2).tolist() == [0, 0, 1, 1, 1]
-        assert _place_groups(points, 3).tolist() == [0, 0, 1, 1, 2]
-        assert _place_groups(np.zeros((3, 2)), 4).tolist() == [0, 0, 0]
-
-    @given(seed=st.integers(0, 50))
-    def test_a_cause_explains_the_variance_of_ranks_between_its_groups(self, seed):
-        random = np.random.default_rng(seed)
-        group, ratio = random.integers(0, 3, 30), random.permutation(30).astype(float)
-        within = sum(np.sum((ratio[group == g] - ratio[group == g].mean()) ** 2) for g in set(group.tolist()))
-        assert _explained_share(ratio, group) == pytest.approx(1.0 - within / 30 / np.var(ratio))
-        assert _explained_share(ratio, np.arange(30)) == pytest.approx(1.0)
-        assert _explained_share(np.ones(30), group) == 0.0
-
-    def test_few_ticks_are_spikes_or_a_stretch(self):
-        base = moving(LINE)
-        assert _describe_stretches(base, np.array([7])) == "spikes: 1 tick off"
-        assert _describe_stretches(base, np.array([3, 13, 23])) == "spikes: 3 ticks off, every 10 ticks"
-        assert _describe_stretches(base, np.array([3, 13, 24])) == "spikes: 3 ticks off, every 10 ticks", "to a tenth"
-        assert _describe_stretches(base, np.array([3, 13, 25])) == "spikes: 3 ticks off"
-        assert _describe_stretches(base, np.array([3, 4, 5])) == "spikes: 3 ticks off", "in a row"
-        words = "off for 4 ticks from t = 0.003 s to 0.006 s, with the hand round (0.45, -2) mm"
-        assert _describe_stretches(base, np.array([3, 4, 5, 6])) == words
-        assert _describe_stretches(base, np.array([3, 4, 5, 6, 9])) == f"{words}, the longest of 2 such stretches"
-        assert _describe_stretch(base, np.array([4])).startswith("in the tick at t = 0.004 s, with")
-        longest, others = _longest_run(np.array([1, 2, 5, 6, 7, 12]))
-        assert (longest.tolist(), others) == ([5, 6, 7], ", the longest of 3 such stretches")
-        regular = _longest_run(np.array([1, 11, 12, 21]))
-        assert (regular[0].tolist(), regular[1]) == ([11, 12], ", the longest of 3 such stretches, every 10 ticks")
-
     def measured(self, ratio, *, low=None, high=None, allowed=1e-3, rate=0.0, depth=2e-3, begins=False, ticks=None):
         """What was measured at so many ticks; the ends of the share are the share where they are not given."""
         ratio = np.asarray(ratio, dtype=float)
@@ -272,80 +216,6 @@ class TestCauses:
         measured = self.measured([1.0] * len(begins), begins=begins)
         finding = _finding(Observed(moving(LINE), LINE), measured, Level.SHOULD)
         assert finding.outcome is (Outcome.PASS if decides else Outcome.INCONCLUSIVE)
-
-    def test_a_filter_s_time_constant_is_found_where_it_explains_nine_tenths_of_what_is_missing(self):
-        """F + T F' = s of a hand that sinks evenly: F' is K v, and F lacks T K v of s."""
-        base = moving(LINE, sink=2e-5)
-        late = 4e-3 * 1000.0 * 2e-5 / DT
-        filtered = changed(base, force=base.force - np.array([0.0, late]))
-        ticks = np.arange(5, 30)
-        assert _low_pass_constant(Observed(filtered, LINE), ticks) == pytest.approx(4e-3)
-        assert (
-            _low_pass_constant(Observed(changed(base, force=base.force + np.array([0.0, late])), LINE), ticks) is None
-        )
-        # A way aside that no filter answers: a share q of what is late leaves 1 / (1 + q^2) of it explained.
-        aside = np.column_stack([late / 1000.0 * (-1.0) ** np.arange(COUNT), np.zeros(COUNT)])
-        assert _low_pass_constant(
-            Observed(changed(filtered, hip=base.hip + 0.32 * aside), LINE), ticks
-        ) == pytest.approx(4e-3)
-        assert _low_pass_constant(Observed(changed(filtered, hip=base.hip + 0.35 * aside), LINE), ticks) is None
-        assert _low_pass_constant(Observed(filtered, LINE), ticks[::2]) is None, "no two ticks in a row"
-        felt = Recording(base.time, {"hip": base.hip, "force": filtered.force})
-        assert _low_pass_constant(Observed(felt, LINE), ticks) is None, "and without an IHIP"
-
-    def test_first_and_last_and_shallow_and_deep_are_tenths_of_the_samples(self):
-        """Of 400 samples forty: a tenth of 399 is 39.9."""
-        ticks = np.arange(400)
-        base, ratio = recorded(STEP * np.column_stack([ticks, np.zeros(400)])), 1.0 + 0.01 * ticks
-        rate = np.resize([1.0, -1.0], 400)
-        medians, explained = _explain_by_causes(base, self.measured(ratio, depth=1e-5 * (500 - ticks), rate=rate), 4)
-        assert medians["first"] == medians["deep"] == pytest.approx(1.0 + 0.01 * 19.5)
-        assert medians["last"] == medians["shallow"] == pytest.approx(1.0 + 0.01 * 379.5)
-        assert medians["inwards"] == pytest.approx(np.median(ratio[::2]))
-        assert medians["outwards"] == pytest.approx(np.median(ratio[1::2]))
-        quarters = _explained_share(ratio, ticks // 100)
-        assert explained["time"] == explained["depth"] == explained["place"] == pytest.approx(quarters)
-        assert explained["direction"] == pytest.approx(_explained_share(ratio, ticks % 2))
-        one_way = _explain_by_causes(base, self.measured(ratio, rate=1.0), 4)[1]
-        assert one_way["direction"] == 0.0
-
-    def test_a_hand_that_stays_at_one_depth_shows_the_shallow_and_nothing_of_the_direction(self):
-        """Softer where it is shallow: 40 samples on the way in, 320 at the deepest, 40 on the way out."""
-        way_in = np.linspace(1e-4, 2e-3, 40, endpoint=False)
-        depth = np.concatenate([way_in, np.full(320, 2e-3), way_in[::-1]])
-        rate = np.repeat([1.0, 0.0, -1.0], [40, 320, 40])
-        base, ratio = recorded(STEP * np.column_stack([np.arange(400), np.zeros(400)])), 0.7 + 100.0 * depth
-        medians, explained = _explain_by_causes(base, self.measured(ratio, depth=depth, rate=rate), 32)
-        assert medians["shallow"] == pytest.approx(0.7 + 100.0 * np.median(np.sort(depth)[:40]))
-        assert medians["deep"] == pytest.approx(0.9)
-        assert explained["depth"] > 0.99 > 0.01 > explained["direction"]
-
-    def test_ends_of_few_samples_are_eight_and_so_have_a_median(self):
-        few = self.measured(1.0 + 0.01 * np.arange(20), depth=1e-5 * np.arange(1.0, 21.0))
-        medians, _ = _explain_by_causes(recorded(np.zeros((20, 2))), few, 4)
-        assert medians["shallow"] == medians["first"] == pytest.approx(1.035)
-        assert medians["deep"] == medians["last"] == pytest.approx(1.155)
-
-    def test_a_missing_force_is_a_dead_band_or_a_stretch_of_time(self):
-        depth = np.where(np.arange(COUNT) < 10, 1e-3, 2e-3)
-        hip = np.column_stack([STEP * np.arange(COUNT), -depth])
-        force = np.where(np.arange(COUNT)[:, np.newaxis] < 10, 0.0, 1.0) * np.array([0.0, 2.0])
-        shallow = recorded(hip, hip * [1.0, 0.0], force)
-        silent = np.arange(COUNT) < 10
-        measured = self.measured(np.where(silent, 0.0, 1.0), depth=depth)
-        band = "a dead band: no force up to a depth of 1 mm, where the spring gives 1 N"
-        assert _describe_missing_force(Observed(shallow, LINE), measured, silent) == band
-        even = changed(shallow, hip=hip - np.array([0.0, 1e-3]) * silent[:, np.newaxis])
-        words = _describe_missing_force(Observed(even, LINE), measured, silent)
-        assert words == band.replace("1 mm", "2 mm").replace("1 N", "2 N"), "as deep as where there is one"
-        deeper = changed(shallow, hip=hip - np.array([0.0, 2e-3]) * silent[:, np.newaxis])
-        words = _describe_missing_force(Observed(deeper, LINE), measured, silent)
-        assert words.startswith("no force for 10 ticks from t = 0 s to 0.009 s")
-        assert _describe_missing_force(Observed(shallow, LINE), measured, ~silent) is None, "what deviates has a force"
-        strong = self.measured(np.where(silent, 1.5, 1.0), depth=depth)
-        assert _describe_missing_force(Observed(shallow, LINE), strong, silent) is None, (
-            "small as its depth is, it is too large"
-        )
 
 
 def test_the_curvature_s_force_takes_the_largest_speed_of_hand_and_tool_around_a_tick():

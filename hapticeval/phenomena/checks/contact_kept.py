@@ -15,6 +15,9 @@ from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
+SLOW = ("lag", "low-pass", "hold")
+"""Causes by which a tool trails the hand."""
+
 KIND_WORDS = {
     "let go": "contact is lost inside the model",
     "not met": "the hand is led into the model and not met",
@@ -152,6 +155,9 @@ def _find_trailing_tool(base: Observed, allowed: Array) -> Finding | None:
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
     evidence = {**base.evidence_at(worst), **Facts(kind=kind).evidence, "trailing_ticks": many}
+    if base.diagnosis.kind in SLOW:
+        message = f"{base.cause}: {message}"
+        evidence |= base.cause_evidence
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 

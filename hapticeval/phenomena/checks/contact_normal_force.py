@@ -86,10 +86,10 @@ def _judge_direction(base: Observed) -> tuple[Finding, str]:
             if lag is not None and lag >= TELLING_SHARE
             else ""
         )
-        message = (
-            f"the force of {newtons(size)} {direction} {angle:.3g} degrees ({newtons(aside, 2)}) off {where}{late}"
-        )
-        return Finding(Outcome.FAIL, message, metric, bound, evidence), ""
+        off = f"{newtons(aside, 2)} ({angle:.3g} degrees) off {where}{late}"
+        known = base.as_sensed.diagnosis.cause is not None
+        message = f"{base.as_sensed.cause}: {off}" if known else f"the force of {newtons(size)} {direction} {off}"
+        return Finding(Outcome.FAIL, message, metric, bound, evidence | base.as_sensed.cause_evidence), ""
     granted = ""
     if declared > 0.0:
         # How far the force would be off without the declared resolution: said, though it is granted.

@@ -18,7 +18,6 @@ from hapticeval.phenomena.measures.stiffness import (
     force_coarseness,
     measure_stiffness,
 )
-from hapticeval.phenomena.measures.stiffness_pattern import describe_pattern
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import mm, newtons, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
@@ -166,20 +165,17 @@ def _describe_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
 
 
 def _failed_finding(base: Observed, measured: ApparentStiffness, excess: Array, worst: int, bound: float) -> Finding:
-    scene = base.scene
     tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
-    evidence = _evidence(base, measured, worst)
-    pattern, numbers = describe_pattern(base, measured, excess > 0.0)
-    names = ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m")
-    low, median, high = (format_number(evidence[name]) for name in names)
-    force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
+    force, depth = float(base.force_size[tick]), float(measured.depth[worst])
+    asked = base.scene.stiffness * depth
+    # Two numbers that differ are printed so that they do.
+    digits = 3 if newtons(force) != newtons(asked) else 6
     message = (
-        f"{pattern}: an apparent stiffness of {format_number(scene.stiffness * share)} N/m at "
-        f"{base.time_and_hip(tick)} (tick {tick}: {newtons(force)} at {mm(depth)}), of {median} in the median, and "
-        f"from {low} to {high} in nine tenths of the samples, for the scene's {scene.stiffness:g}; "
-        f"{_describe_deepest(evidence, scene)}"
+        f"{base.cause}: {newtons(force, digits)} {mm(depth)} deep at {base.time_and_hip(tick)}, where K asks for "
+        f"{newtons(asked, digits)}"
     )
-    return Finding(Outcome.FAIL, message, CHECK.measured(abs(share - 1.0)), bound, evidence | numbers)
+    evidence = _evidence(base, measured, worst) | base.cause_evidence | {"share_off": float(np.mean(excess > 0.0))}
+    return Finding(Outcome.FAIL, message, CHECK.measured(abs(share - 1.0)), bound, evidence)
 
 
 CHECK = Check(

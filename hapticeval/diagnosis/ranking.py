@@ -1,0 +1,275 @@
+"""Which cause explains what is off: the simplest whose residual is left to chance; else none of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations, product
+
+import numpy as np
+
+from hapticeval.diagnosis.causes import EXPLAINERS, MISTAKEN_UNITS, Cause, Deviation
+from hapticeval.diagnosis.contact import RightContact, right_contact
+from hapticeval.diagnosis.fits import power, rounding_variance, white_noise
+from hapticeval.diagnosis.tool import tool_causes
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.types import Array
+
+EXPLAINED = 0.95
+"""Share of the residual's power, less the noise's, that a cause explains: nine tenths and a half; *chosen*."""
+
+EXACT = 1e-6
+"""Share of the force that single precision may leave of a right one: the floor of a channel without noise."""
+
+SAMPLES = 300.0
+"""Independent rows that a noise-free run counts for: there the ratio of residuals says it all; *chosen*."""
+
+LOGGED_SAMPLES = 500.0
+"""The same of a log, at most: edges and encoders make 2 % of its noise uncertain, which is as many rows' worth."""
+
+TOLD_APART = 10.0
+"""Causes nearer than this by the Bayesian information criterion are not told apart: odds of e^5, 150 to one."""
+
+RIGHT_LOG, ALL_BUT_NOISE = 1.3, 1.15
+"""Times the noise's power that a right log may have, and that a cause may leave; *chosen*."""
+
+SMALLEST_EFFECT = 3e-3
+"""Share of the force's rms: a smaller effect in a log may be its encoders'; *chosen*."""
+
+FEWEST_TOUCHING = 5
+"""Rows in contact below which nothing is fitted."""
+
+TELLS_APART = (
+    ({"gain", "unit", "limit", "offset", "power of the depth"}, "a press that deepens slowly would tell"),
+    ({"lag", "low-pass", "hold", "normal damping"}, "strokes that reverse would tell"),
+    ({"drag", "friction", "damping"}, "slides at two speeds and two depths would tell"),
+    ({"gain at times", "gain where"}, "the same way twice, from both sides, would tell"),
+    (
+        {"crosstalk", "rotation", "axes", "gain of an axis", "gain per axis"},
+        "contact with faces of other directions would tell",
+    ),
+    ({"bias", "constant", "offset"}, "a second in free space would tell"),
+    ({"dead band", "early release"}, "a slow press would tell"),
+)
+"""Causes that some paths do not tell apart, and the path that would."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Why a contact is off: its `cause`, None where nothing is off or nothing explains it, and what it is like.
+
+    `off` says that there is something to explain; `share` of its power is explained. `alike` are causes that explain
+    it as well. `of` is what is off: "force", "contact point", or "both".
+    """
+
+    off: bool
+    of: str = ""
+    cause: Cause | None = None
+    share: float = 0.0
+    alike: Sequence[Cause] = field(default=())
+
+    @property
+    def kind(self) -> str:
+        """The cause's kind; "none" where nothing is off, "unexplained" where no cause explains it."""
+        return "none" if not self.off else "unexplained" if self.cause is None else self.cause.kind
+
+    @property
+    def sentence(self) -> str:
+        """What is off, in words."""
+        if not self.off:
+            return "nothing is off"
+        if self.cause is None:
+            return "no known cause explains it"
+        return self.cause.sentence
+
+    @property
+    def remedy(self) -> str:
+        """What it is not told from on this path, and the path that would tell; empty where it is told."""
+        if self.cause is None or not self.alike:
+            return ""
+        kinds = {self.cause.kind, *(cause.kind for cause in self.alike)}
+        for group, path in TELLS_APART:
+            if sum(any(kind.startswith(name) for name in group) for kind in kinds) > 1:
+                return f"not told from {self.alike[0].kind}: {path}"
+        return f"not told from {self.alike[0].kind}"
+
+
+def diagnose(
+    contact: RightContact,
+    force: Array,
+    ihip: Array | None = None,
+    *,
+    noisy: bool = False,
+    tolerance: float = 0.0,
+    again: Array | None = None,
+    boundary: Boundary | None = None,
+) -> Diagnosis:
+    """Say why a force (n, N), N, or contact points `ihip` (n, N), m, are not those of the `contact`.
+
+    `noisy` is a measured log. `tolerance` (m) is how far the surface may lie off the model. `again` is the force of
+    the same path a second time. With the `boundary`, positions in another unit or frame are tried of a log.
+    """
+    asked = contact.force
+    scale = max(power(asked), 1e-30)
+    if again is not None and power(force - again) > (EXACT**2) * 1e-6 * scale:
+        share = float(np.sqrt(power(force - again) / 2.0 / scale))
+        words = f"it is random: the same path again differs by {100.0 * share:.2g} % of the force"
+        return Diagnosis(True, "force", Cause("random", words, 0.0, 0.0, {"share": share}), 1.0)
+    if np.count_nonzero(contact.touches) < FEWEST_TOUCHING:
+        moved = _moved_hand(contact, force, boundary) if noisy and boundary is not None else None
+        return Diagnosis(moved is not None, "hand", moved, 1.0)
+    noise = white_noise(force - asked) if noisy else np.zeros(force.shape[1])
+    noise_power = float(np.sum(noise**2)) * len(force)
+    encoder_power = 0.0
+    if noisy:
+        hand_rounding = contact.stiffness**2 * rounding_variance(contact.hip)
+        noise_power = max(noise_power, (rounding_variance(force) + hand_rounding) * len(force))
+        # A filter of the hand's noise saves that much by chance.
+        hand_noise = contact.stiffness**2 * float(np.sum(white_noise(contact.hip) ** 2))
+        encoder_power = max(hand_noise, hand_rounding) * len(force)
+    floor = EXACT**2 * scale + encoder_power + (contact.stiffness * tolerance) ** 2 * len(force)
+    total = power(force - asked)
+    force_is_right = not noisy and total <= 4.0 * floor
+    tool = None if ihip is None else _diagnose_tool(contact, ihip, tolerance)
+    if ihip is not None and tool is not None:
+        follows = power(force - _spring_to(ihip, contact)) <= 4.0 * floor
+        if follows and not force_is_right:
+            return tool  # the force is that of a spring to this contact point
+        if force_is_right:
+            return tool
+    if force_is_right:
+        return Diagnosis(False)
+    found = _diagnose_force(
+        Deviation(force, contact, noisy, float(np.linalg.norm(noise))), total, scale, floor, noise_power, encoder_power
+    )
+    if found.off and found.cause is None and noisy and boundary is not None:
+        moved = _moved_hand(contact, force, boundary)
+        if moved is not None:
+            return Diagnosis(True, "hand", moved, 1.0)
+    if tool is not None and found.off:
+        return replace(found, of="both")
+    return found
+
+
+def _spring_to(ihip: Array, contact: RightContact) -> Array:
+    """Return the spring's force to contact points of one's own, with the damper of the right contact, (n, N), N."""
+    spring = contact.stiffness * (ihip - contact.hip)
+    damper = contact.force - contact.stiffness * (contact.point - contact.hip)
+    return np.asarray(spring + np.where(np.any(ihip != contact.hip, axis=1)[:, None], damper, 0.0))
+
+
+def _diagnose_tool(contact: RightContact, ihip: Array, tolerance: float) -> Diagnosis | None:
+    """Say why contact points are off; None where they are right."""
+    total = power(ihip - contact.point)
+    centred = power(contact.point - contact.point.mean(axis=0))
+    floor = EXACT**2 * centred + (1e-12**2 + tolerance**2) * len(ihip)
+    if total <= 4.0 * floor:
+        return None
+    causes = list(tool_causes(ihip, contact))
+    ranked = _rank(causes, total, floor, SAMPLES)
+    return _choose(ranked, total, 0.0, "contact point", SAMPLES, floor)
+
+
+def _diagnose_force(
+    deviation: Deviation, total: float, scale: float, floor: float, noise_power: float, encoder_power: float
+) -> Diagnosis:
+    """Say why a force is off, of which `total` (N^2) is not what is asked and `noise_power` is white."""
+    causes = [cause for explain in EXPLAINERS for cause in explain(deviation)]
+    samples = SAMPLES
+    if deviation.noisy:
+        best = min(causes, key=lambda cause: cause.left * (1.0 + 0.01 * cause.cost))
+        # What is left above the white noise is a model's error, which stays over many rows: it counts for fewer.
+        samples = float(np.clip(LOGGED_SAMPLES / max(best.left / max(noise_power, 1e-300), 1.0), 50.0, LOGGED_SAMPLES))
+    ranked = _rank(causes, total, floor, samples, noisy=deviation.noisy)
+    best = ranked[0]
+    if deviation.noisy:
+        count = len(deviation.force)
+        beyond_chance = count * np.log(total / max(best.left, 1e-300)) > 20.0 + best.cost * np.log(count)
+        effect = np.sqrt(max(total - best.left - encoder_power, 0.0) / scale)
+        rest_is_noise = best.left < ALL_BUT_NOISE * noise_power
+        if total < RIGHT_LOG * noise_power and not (beyond_chance and effect > SMALLEST_EFFECT and rest_is_noise):
+            return Diagnosis(False)
+    return _choose(ranked, total, noise_power, "force", samples, floor, noisy=deviation.noisy)
+
+
+def _criterion(cause: Cause, total: float, floor: float, samples: float, noisy: bool) -> float:
+    """Return the Bayesian information criterion of a cause, by how much it is better than none: less is better."""
+    price = cause.cost * np.log(samples) * (1.0 if noisy else 2.0)
+    return float(samples * np.log((cause.left + floor) / (total + floor)) + price)
+
+
+def _rank(causes: Sequence[Cause], total: float, floor: float, samples: float, *, noisy: bool = False) -> list[Cause]:
+    return sorted(causes, key=lambda cause: _criterion(cause, total, floor, samples, noisy))
+
+
+def _choose(
+    ranked: Sequence[Cause],
+    total: float,
+    noise_power: float,
+    of: str,
+    samples: float,
+    floor: float,
+    *,
+    noisy: bool = False,
+) -> Diagnosis:
+    """Return the first cause where it explains enough, with those that explain as much."""
+    if not ranked:
+        return Diagnosis(True, of)
+    best, beyond_noise = ranked[0], max(total - noise_power, 1e-300)
+
+    def share(cause: Cause) -> float:
+        return 1.0 - max(cause.left - noise_power, 0.0) / beyond_noise
+
+    def explains(cause: Cause) -> bool:
+        return share(cause) > EXPLAINED or (noisy and cause.left < ALL_BUT_NOISE * noise_power and share(cause) > 0.5)
+
+    if not explains(best):
+        return Diagnosis(True, of, share=share(best))
+    level = _criterion(best, total, floor, samples, noisy) + TOLD_APART
+    near = [
+        cause for cause in ranked[1:9] if _criterion(cause, total, floor, samples, noisy) < level and explains(cause)
+    ]
+    rivals: dict[str, Cause] = {}
+    for cause in near:
+        if cause.kind != best.kind and not _contains(cause.kind, best.kind):
+            rivals.setdefault(cause.kind, cause)
+    return Diagnosis(True, of, best, share(best), tuple(rivals.values()))
+
+
+def _contains(kind: str, best: str) -> bool:
+    """Return whether the causes of a kind have the `best` one as a special case: then it is no rival."""
+    if best in ("unit", "sign", "gain"):
+        wider = {"gain", "gain per axis", "crosstalk", "power of the depth"}
+        return kind in wider or kind.startswith(("gain ", "gain +")) or (best == "sign" and kind == "rotation")
+    if best in ("axes", "gain of an axis", "rotation", "gain per axis"):
+        return kind in ("crosstalk", "gain per axis")
+    return " + " in kind and best in kind.split(" + ")
+
+
+def _moved_hand(contact: RightContact, force: Array, boundary: Boundary | None) -> Cause | None:
+    """Return that the positions of a log are in another unit, or have other axes, where that explains its force."""
+    if boundary is None:
+        return None
+    rows = np.linspace(0, len(force) - 1, min(400, len(force))).astype(int)
+    hip, felt, dimension = contact.hip[rows], force[rows], force.shape[1]
+    units = [
+        (factor * np.eye(dimension), f"the unit of the positions is wrong ({name})")
+        for name, factor in MISTAKEN_UNITS.items()
+    ]
+    signed = [
+        np.diag(signs) @ np.eye(dimension)[list(order)]
+        for order in permutations(range(dimension))
+        for signs in product((1.0, -1.0), repeat=dimension)
+    ]
+    axes = [(matrix, "axes of the positions are swapped or mirrored") for matrix in signed[1:]]
+    best: tuple[float, Array, str] | None = None
+    for matrix, words in (*units, *axes):
+        moved = hip @ matrix.T
+        at = right_contact(boundary, contact.time[rows], moved, np.zeros_like(moved), stiffness=contact.stiffness)
+        left = power(felt - at.force)
+        if power(at.force) > 0.0 and (best is None or left < best[0]):
+            best = left, matrix, words
+    if best is None or best[0] > (1.0 - EXPLAINED) * power(felt):
+        return None
+    kind = "position unit" if best[2].startswith("the unit") else "position axes"
+    return Cause(kind, best[2], best[0], 1.0, {"matrix": best[1].tolist()})

@@ -1,0 +1,99 @@
+"""Planted causes against those that are named, as the table of docs/diagnosis.md.
+
+`python tests/diagnosis/confusion.py SITUATIONS SEED` plants each fault once in so many drawn situations, in the answers
+of a renderer and in a noisy log of them.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+from planted import FAULTS, IHIP_FAULTS, Fault, Planted, Situation, as_logged, draw_situation, is_planted
+
+from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
+
+EXACT = 1.0 - 1e-9
+"""Share from which on another cause explains all that the planted one does: the path does not tell them apart."""
+
+SMALLEST_EFFECT = 0.01
+"""Share of the force that a fault has to make in a log, to be counted: less is within what encoders leave."""
+
+OUTCOMES = ("on top", "listed", "as exact", "unexplained", "missed", "wrong")
+
+
+def outcome_of(kind: str, diagnosis: Diagnosis) -> str:
+    """Return how a planted kind was found."""
+    if not diagnosis.off:
+        return "missed"
+    if diagnosis.cause is None:
+        return "unexplained"
+    if is_planted(kind, diagnosis.kind):
+        return "on top"
+    if any(is_planted(kind, cause.kind) for cause in diagnosis.alike):
+        return "listed"
+    return "as exact" if diagnosis.share > EXACT else "wrong"
+
+
+def plants() -> Iterator[tuple[str, str, Fault]]:
+    """Yield what is planted where: kind, the channel, and the fault."""
+    for kind, plant in FAULTS.items():
+        yield kind.strip(), "force", plant
+    for kind, plant in IHIP_FAULTS.items():
+        yield kind.strip(), "contact point", plant
+
+
+def diagnose_log(planted: Planted, situation: Situation) -> Diagnosis:
+    """Diagnose what sensors show of a planted fault."""
+    hip, force = as_logged(planted, situation)
+    boundary, contact = situation.model.boundary, situation.contact
+    logged = right_contact(boundary, contact.time, hip, stiffness=contact.stiffness, damping=situation.damping)
+    return diagnose(logged, force, noisy=True)
+
+
+def main(count: int, seed: int) -> None:
+    """Plant everything in `count` situations, and print the two tables."""
+    rng, seconds = np.random.default_rng(seed), []
+    tables: dict[str, dict[tuple[str, str], Counter[str]]] = {
+        "renderer": defaultdict(Counter),
+        "log": defaultdict(Counter),
+    }
+    alarms = Counter[str]()
+    for situation in (draw_situation(rng) for _ in range(count)):
+        contact = situation.contact
+        right = Planted(contact.force, contact.point)
+        alarms["renderer"] += diagnose(contact, contact.force, contact.point).off
+        alarms["log"] += diagnose_log(right, situation).off
+        for kind, channel, plant in plants():
+            planted = plant(situation)
+            effect = np.linalg.norm(planted.force - contact.force) / np.linalg.norm(contact.force)
+            if effect > 1e-4:
+                begin = time.process_time()
+                diagnosis = diagnose(contact, planted.force, planted.ihip)
+                seconds.append(time.process_time() - begin)
+                outcome = outcome_of(kind, diagnosis)
+                tables["renderer"][kind, channel][outcome] += 1
+                if outcome == "wrong":
+                    print(f"{kind} of the {channel}: {diagnosis.sentence}", file=sys.stderr)
+            if channel == "force" and effect > SMALLEST_EFFECT:
+                diagnosis = diagnose_log(planted, situation)
+                outcome = outcome_of(kind, diagnosis)
+                tables["log"][kind, channel][outcome] += 1
+                if outcome == "wrong":
+                    print(f"{kind} in a log: {diagnosis.sentence}", file=sys.stderr)
+    for source, table in tables.items():
+        whole = sum(table.values(), Counter())
+        print(f"\n{source}: {whole.total()} planted, false alarms {alarms[source]} of {count}\n")
+        print(f"| planted | of | {' | '.join(OUTCOMES)} |\n|---|---|{'---|' * len(OUTCOMES)}")
+        for (kind, channel), row in table.items():
+            print(f"| {kind} | {channel} | {' | '.join(str(row[outcome]) for outcome in OUTCOMES)} |")
+        shares = (f"{100.0 * whole[outcome] / whole.total():.1f} %" for outcome in OUTCOMES)
+        print(f"| all | | {' | '.join(shares)} |")
+    print(f"\n{1e3 * np.median(seconds):.0f} ms of the processor in the median")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
