@@ -9,6 +9,7 @@
 #              or SAMPLE=60 of them by SEED=1
 # make tables  write anew what tests compare: kill matrix, coverage, decisions, and the recorded verdicts of every suite,
 #              or of one check with CHECK=drift
+# make measures  compare what checks measure with what stands in tests/meta/measured.csv: for who reviews a change of them
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make engines judge physics engines as renderers and write docs/engines.md, or of SUITES="solids seams" only
 # make engines-smallest  shrink what fails there to the smallest path, for that page

@@ -88,10 +88,13 @@ def refused(request, tmp_path, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def as_measured(request):
-    """Hold what a test of the checks asks them against what they found before; what hypothesis draws may change."""
+    """Hold what a test of the checks asks them against what they found before, for `make measures`.
+
+    What hypothesis draws may change.
+    """
     test = request.node.nodeid
     drawn = hasattr(request.function, "hypothesis") or request.node.get_closest_marker("system")
-    if drawn or not test.startswith(("tests/phenomena/", "tests/meta/")):
+    if drawn or not measured.wanted() or not test.startswith(("tests/phenomena/", "tests/meta/")):
         yield
     else:
         with measured.watched(test.removeprefix("tests/")):

@@ -146,7 +146,7 @@ def fit_low_pass(
         numbers = np.linalg.lstsq(basis, change.ravel(), rcond=1e-13)[0]
         share = float(np.clip(numbers[1 if free_gain else 0], 1e-4, 1.0))
         gain = float(numbers[0]) / share if free_gain else 1.0
-        bias = numbers[-dimension:] / share if biased else still
+        bias = np.asarray(numbers[-dimension:] / share, dtype=np.float64) if biased else still
         begin = signal[0] - bias
         model = np.concatenate([signal[:1] - bias, low_passed(gain * driven, share, begin)])
         return LowPass(share, gain, bias, power(signal - model - bias))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made import recorded
-from measured import recorded as table
 from measured import row_of
 from shaken import SHAKES, off_by_rounding, shaken
 
@@ -27,16 +24,6 @@ def slide(rate: int = 1) -> Runs:
     out = np.column_stack([np.cos(angle), np.sin(angle)])
     base = recorded(0.098 * out, 0.1 * out, dt=1e-3 / rate, velocity=np.zeros_like(out))
     return Runs(base, refine=lambda factor: slide(rate * factor).base)
-
-
-@pytest.mark.system
-def test_each_place_is_of_a_test_that_there_is():
-    tests = {place.renderer for place in table() if place.suite == "tests"}
-    files = sorted({test.partition("::")[0] for test in tests})
-    pytest_command = [sys.executable, "-m", "pytest", "--collect-only", "-m", "", "-p", "no:cacheprovider"]
-    listed = subprocess.run([*pytest_command, *files], cwd=ROOM, capture_output=True, text=True, check=True).stdout
-    assert tests
-    assert sorted(tests - {line.removeprefix("tests/") for line in listed.splitlines()}) == []
 
 
 @pytest.mark.parametrize("make", SHAKES, ids=lambda make: make.__name__)
