@@ -18,6 +18,9 @@ from hapticeval.types import Array
 EXPLAINED = 0.95
 """Share of the residual's power, less the noise's, that a cause explains: nine tenths and a half; *chosen*."""
 
+EXPLAINED_EXACTLY = 1.0 - 1e-6
+"""Share of a simulated force's deviation that its cause explains: what explains less may only look like it."""
+
 EXACT = 1e-6
 """Share of the force that single precision may leave of a right one: the floor of a channel without noise."""
 
@@ -27,7 +30,7 @@ SAMPLES = 300.0
 LOGGED_SAMPLES = 500.0
 """The same of a log, at most: edges and encoders make 2 % of its noise uncertain, which is as many rows' worth."""
 
-TOLD_APART = 10.0
+CLEARLY_LESS = 10.0
 """Causes nearer than this by the Bayesian information criterion are not told apart: odds of e^5, 150 to one."""
 
 RIGHT_LOG, ALL_BUT_NOISE = 1.3, 1.15
@@ -225,7 +228,7 @@ def _choose(
 
     if not explains(best):
         return Diagnosis(True, of, share=share(best))
-    level = _criterion(best, total, floor, samples, noisy) + TOLD_APART
+    level = _criterion(best, total, floor, samples, noisy) + CLEARLY_LESS
     near = [
         cause for cause in ranked[1:9] if _criterion(cause, total, floor, samples, noisy) < level and explains(cause)
     ]

@@ -9,11 +9,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 from hapticeval.geometry.boundary import Boundary, ClosestPoint
 from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, LAG_TICKS, PLACE_ROUNDING, WIDE_RANGE
 from hapticeval.phenomena.lag import Lag, find_lag, resting_ticks
@@ -35,8 +34,8 @@ from hapticeval.renderer import STIFFNESS_LIMITS
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
-EXPLAINED_EXACTLY = 1.0 - 1e-6
-"""Share of a simulated force's deviation that its cause explains: what is less may only look like it."""
+if TYPE_CHECKING:
+    from hapticeval.diagnosis import Diagnosis
 
 Shared = TypeVar("Shared", Array, BoolArray)
 
@@ -444,6 +443,10 @@ class Observed:
         Compared with the renderer's own contact point first: what explains the force to the last digits is its cause.
         Else with a rigid tool's that is led along the hand's path, whose nearest points hold a bilateral constraint.
         """
+        # Asked for by a failure alone: what imports checks loads none of it.
+        from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
+        from hapticeval.diagnosis.ranking import EXPLAINED_EXACTLY
+
         logged = self.meta.get("source") not in SIMULATED
         ihip = self.channels.get("ihip") if not self.lacks_ihip else None
         led = self.nearest.foot if self.scene.bilateral else None

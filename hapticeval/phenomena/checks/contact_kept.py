@@ -15,7 +15,7 @@ from hapticeval.recordings.recording import runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
-SLOW = ("lag", "low-pass", "hold")
+TRAILING_CAUSES = ("lag", "low-pass", "hold")
 """Causes by which a tool trails the hand."""
 
 KIND_WORDS = {
@@ -155,7 +155,7 @@ def _find_trailing_tool(base: Observed, allowed: Array) -> Finding | None:
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(distance[worst]), "m")
     evidence = {**base.evidence_at(worst), **Facts(kind=kind).evidence, "trailing_ticks": many}
-    if base.diagnosis.kind in SLOW:
+    if base.diagnosis.kind in TRAILING_CAUSES:
         message = f"{base.cause}: {message}"
         evidence |= base.cause_evidence
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
