@@ -573,9 +573,12 @@ Doubled, more is judged."""
 
 # friction: cone, break-away, sliding
 
-COORDINATE_ROUNDINGS = 8.0
+COORDINATE_ROUNDINGS = 16.0
 """Roundings of the largest coordinate by which an IHIP at rest may seem to move, and a force that is made of it may be
-off. *Chosen*: differences of rounded points, and a few steps that follow. Doubled, twice as much is granted."""
+off.
+
+*Chosen*: a place on a curve is a number along it, and off by up to 8; the force is made of two. Doubled, twice as much
+is granted."""
 
 # friction: break-away
 

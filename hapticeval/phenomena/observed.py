@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, ClosestPoint
-from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, LAG_TICKS, PLACE_ROUNDING, WIDE_RANGE
+from hapticeval.phenomena.decisions import COARSEST_RESOLUTION, LAG_TICKS, PLACE_ROUNDING, SINGLE_ROUNDINGS, WIDE_RANGE
 from hapticeval.phenomena.lag import Lag, find_lag, resting_ticks
 from hapticeval.phenomena.sampling import (
     farthest_standoff,
@@ -29,7 +29,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import quantization_step
-from hapticeval.recordings.recording import Recording, runs_of, single_rounding
+from hapticeval.recordings.recording import SINGLE, Recording, runs_of, single_rounding
 from hapticeval.renderer import STIFFNESS_LIMITS
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -378,6 +378,16 @@ class Observed:
         points = self.ihip[self.apart]
         answers_singles = points.size > 0 and np.array_equal(points, points.astype(np.float32))
         return single_rounding(points) if answers_singles else 0.0
+
+    def rounding_floor(
+        self, sizes: Array, per_metre: float | Array, *, share: float = SINGLE_ROUNDINGS * SINGLE
+    ) -> Array:
+        """Return by how much rounding may move numbers of `sizes` (n,), in their unit, that are made of positions.
+
+        `per_metre` (a number or (n,)) is what a metre makes of them: K of a spring's force, K times the path of its
+        work. Of all that is summed up in a number `share` is open, and so much of its smallest part.
+        """
+        return np.asarray(share * (sizes + per_metre * float(np.max(np.abs(self.hip)))))
 
     def log_step(self, *channels: str) -> float:
         """Return the step in which a log gives the vectors of `channels`, in their unit: by so much they may be off.

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 from honest import Late, Spring
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from outsiders import LED, case
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.runner.results import VerdictEntry
+from hapticeval.suite.case import Case
 
 REAL = st.one_of(st.floats(-1e100, 1e100), st.sampled_from([math.nan, math.inf]))
 """Any number whose square is one, and what is none."""
@@ -97,10 +98,15 @@ MODELS: list[dict[str, Any]] = [
     {"kind": "polygon", "vertices": [[0.0, 0.0], [0.1, 0.0], [0.1, 0.002], [0.0, 0.002]]},
 ]
 places = st.integers(-120, 120).map(lambda mm: mm / 1000.0)
+
+
+def led(model: dict[str, Any], points: list[list[float]], duration: float) -> Case:
+    """A hand that is led along points, m, in so many seconds."""
+    return case("any", model, LED, trajectory={"kind": "points", "points": points, "duration": duration})
+
+
 cases = st.builds(
-    lambda model, points, duration: case(
-        "any", model, LED, trajectory={"kind": "points", "points": points, "duration": duration}
-    ),
+    led,
     st.sampled_from(MODELS),
     st.lists(st.tuples(places, places), min_size=2, max_size=4, unique=True).map(lambda made: [list(p) for p in made]),
     st.sampled_from([0.02, 0.06]),
@@ -162,6 +168,10 @@ def test_any_renderer_gets_a_verdict_on_every_check_and_the_same_again(traits, j
 
 @settings(max_examples=15)
 @given(traits=honest, judged=cases)
+# The force of a tool that just touched, in seven digits, comes with the depth of three ticks later.
+@example(
+    traits={**HONEST, "kind": "single", "lag": 3}, judged=led({"kind": "star"}, [[0.103, 0.063], [0.0, 0.0]], 0.02)
+)
 def test_no_check_depends_on_how_a_right_answer_is_given(traits, judged):
     """The verdicts are those of the bare spring, as late: what its projection deserves is another matter."""
     bare = judge(lambda scene: Odd(scene, {**traits, "kind": "tuple"}), "bare", "any", judged)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from finger import FingerProxy
 from honest import Changed, Spring
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from latecomers import Latecomer, LateTool, late
 from msgspec.structs import replace
@@ -221,6 +221,8 @@ lags = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 3.0))
 
 @settings(max_examples=8)
 @given(ihip=lags, force=lags, tool=lags)
+# Between two ticks a place on a circle is off the straight line, by more than rounding.
+@example(ihip=1.5, force=0.0, tool=0.0)
 def test_a_declared_spring_may_be_late_by_one_number_of_ticks_a_channel(ihip, force, tool):
     for make in (late(ihip=ihip, force=ihip), late(force=force), late(ihip=ihip), late(LateTool, ihip=tool)):
         for place in ("slide", "press"):

@@ -291,7 +291,7 @@ class TestFriction:
         np.testing.assert_allclose(surface_force.tangential_size, 0.4)
         np.testing.assert_allclose(surface_force.velocity, np.tile([0.1, 0.0], (COUNT, 1)), atol=1e-12)
         reach = 1000.0 * np.abs(base.hip).max() + math.hypot(2.0, 0.4)
-        np.testing.assert_allclose(surface_force.open_force, 8.0 * 2.0**-52 * reach, rtol=1e-6)
+        np.testing.assert_allclose(surface_force.open_force, 16.0 * 2.0**-52 * reach, rtol=1e-6)
         damped = Scene(model=line(), stiffness=1000.0, damping=3.0, effects=(ViscousFriction(2.0),))
         np.testing.assert_allclose(surface_force_of(Observed(base, damped)).open_force, 5.0 * 0.1, rtol=1e-6)
         lifted = changed(base, force=np.zeros((COUNT, 2)))
@@ -308,16 +308,12 @@ class TestFriction:
         base = moving(self.SCENE, extra=np.array([-0.6, 0.0]))
         behind = changed(base, ihip=base.ihip - np.array([6e-4, 0.0]))
         moved = np.diff(behind.hip, axis=0)
-        work, doubt = _dissipated_work(
-            Observed(behind, self.SCENE), surface_force_of(Observed(behind, self.SCENE)), moved
-        )
+        surface_force = surface_force_of(Observed(behind, self.SCENE))
+        work, doubt = _dissipated_work(Observed(behind, self.SCENE), surface_force, moved)
         # mu_k F_n ds, and K ds . (ds - dx) / 2 = 0 for a tool that moves as the hand does
         np.testing.assert_allclose(work, 0.3 * 2.0 * STEP, rtol=1e-6)
-        np.testing.assert_array_equal(doubt, 0.0)
-        np.testing.assert_allclose(
-            _stored_energy(Observed(behind, self.SCENE), surface_force_of(Observed(behind, self.SCENE))),
-            (4.0 + 0.36) / 2e3,
-        )
+        np.testing.assert_allclose(doubt, 2.0 * STEP * surface_force.rounding[1:])
+        np.testing.assert_allclose(_stored_energy(Observed(behind, self.SCENE), surface_force), (4.0 + 0.36) / 2e3)
         halves = changed(
             behind, ihip=behind.ihip + 0.5 * STEP * np.column_stack([np.arange(COUNT) % 2, np.zeros(COUNT)])
         )

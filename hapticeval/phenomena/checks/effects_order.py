@@ -6,11 +6,10 @@ import numpy as np
 
 from hapticeval.effects.catalogue import BUMP_MAP, FRICTION, SHADING, STOCHASTIC_TEXTURE
 from hapticeval.phenomena.check import Check, Runs, required, without_ihip
-from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TOLD_APART
+from hapticeval.phenomena.decisions import LAG_TICKS, TOLD_APART
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, compared, not_applicable, undecided
-from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -34,9 +33,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pressed = base.pressed & plain.pressed
     # A late renderer's queue is not filled before.
     pressed[:LAG_TICKS] = False
-    largest = float(np.max(np.abs(base.hip)))
     strength = np.maximum(*(recording.force_size for recording in (base, plain)))
-    allowed = SINGLE_ROUNDINGS * SINGLE * (strength + scene.stiffness * largest) + base.force_floor
+    allowed = base.rounding_floor(strength, scene.stiffness) + base.force_floor
     deviation, added = (
         _vibration_deviation(base, plain) if last == STOCHASTIC_TEXTURE else _drag_deviation(base, plain, pressed)
     )

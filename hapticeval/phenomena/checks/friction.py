@@ -136,7 +136,7 @@ def _break_away_ticks(base: Observed, surface_force: SurfaceForce, surely: float
     pressed = surface_force.normal_force > 0.0
     # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
     moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
-    sticks = surface_force.tangential_size <= surely * surface_force.normal_force
+    sticks = surface_force.surely_within(surely)
     # At a corner the tool may change its face: there a step is no slip.
     near = _by_a_corner(base, length + rounding)
     ticks = np.flatnonzero(moves)
@@ -177,7 +177,7 @@ def judge_sticking(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Fin
     """Measure how far the IHIP moves while the force along the surface is small."""
     base, friction = runs.observed(scene), scene.effect(FRICTION)
     pulled = surface_force.share_of_cone(friction.mu_k)
-    sticks = (surface_force.normal_force > 0.0) & (pulled <= STICKING_SHARE)
+    sticks = surface_force.surely_within(STICKING_SHARE * friction.mu_k)
     creeps = []
     for first, stop in runs_of(sticks):
         seconds = float(base.time[stop - 1] - base.time[first])
@@ -325,10 +325,9 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     law_force = _law_force(base, surface_force)
     straight = law_force(0.0, BRISTLE_PARTS)
     strength = np.linalg.norm(straight, axis=1)
-    # What dampers add is open elsewhere. The one damper here is the law itself, which is asked: rounding is left.
-    rounding = surface_force.open_force - viscous_coefficient(scene) * np.linalg.norm(surface_force.velocity, axis=1)
-    # The law with a held speed and with one that goes straight: what sampling leaves open.
-    doubt = rounding + np.linalg.norm(law_force(0.0, 1) - straight, axis=1)
+    # Dampers are not asked here but for the law itself; what sampling leaves open of that is the difference between a
+    # speed that is held over a tick and one that goes straight.
+    doubt = surface_force.rounding + np.linalg.norm(law_force(0.0, 1) - straight, axis=1)
     if not (judged & (doubt <= TELLING_SHARE * strength)).any():
         return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
 
@@ -343,7 +342,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     lag = min(best_lag(1), best_lag(BRISTLE_PARTS), key=lambda lag_and_misfit: lag_and_misfit[1])[0]
     if lag:
         stepped, straight = law_force(lag, 1), law_force(lag, BRISTLE_PARTS)
-        doubt = rounding + np.linalg.norm(stepped - straight, axis=1)
+        doubt = surface_force.rounding + np.linalg.norm(stepped - straight, axis=1)
         # Between ticks it is not known which value the renderer had.
         if abs(lag - round(lag)) > WHOLE_LAG:
             doubt += beside_straight(straight)

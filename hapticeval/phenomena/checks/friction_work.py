@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAP_WORK, SINGLE_ROUNDINGS, SLIP_WORK, STEEPER_THAN_SPRING
+from hapticeval.phenomena.decisions import BRISTLE_PARTS, LAP_WORK, SLIP_WORK, STEEPER_THAN_SPRING
 from hapticeval.phenomena.measures.closed_paths import contact_spans, later_laps
 from hapticeval.phenomena.measures.friction_check import FRICTIONS, HAND, check_of_friction
 from hapticeval.phenomena.measures.lugre_force import lugre_force
@@ -16,7 +16,6 @@ from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surf
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -47,7 +46,7 @@ def judge_energy(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findi
     strength = np.linalg.norm(base.force[:-1], axis=1)
     # K |dx|^2 / 2 for a spring held over a tick, and B |dx| |dx before| / dt for a damper
     allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * length_before
-    allowed += SINGLE_ROUNDINGS * SINGLE * strength * length
+    allowed += base.rounding_floor(strength, scene.stiffness) * length
     # F . dx of a force that is held from row to row, J
     gained = np.sum(base.force[:-1] * moved, axis=1)
     worst, gain, granted = None, 0.0, 0.0
@@ -144,9 +143,9 @@ def _dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) 
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
     scene = base.scene
     dissipated = np.zeros(len(moved))
-    # A force that is off by so much between two ticks, over the way of tool and hand.
+    # What rounding, and a lag between two ticks, leave open of the force, over the way of tool and hand.
     travelled = np.linalg.norm(np.diff(base.ihip, axis=0), axis=1) + np.linalg.norm(moved, axis=1)
-    doubt = surface_force.open_between_ticks[1:] * travelled
+    doubt = surface_force.rounding[1:] * travelled
     friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)

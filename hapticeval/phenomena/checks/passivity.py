@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.decisions import FINER_RATES, MOST_LAPS, SINGLE_ROUNDINGS, UNDECLARED_RANGE
+from hapticeval.phenomena.decisions import FINER_RATES, MOST_LAPS, UNDECLARED_RANGE
 from hapticeval.phenomena.lag import force_only_lag
 from hapticeval.phenomena.measures.closed_paths import LapRun, SampledWork, contact_spans, laps, running_sums
 from hapticeval.phenomena.measures.gained_work import Gain, Span, gain_over, stored_before
@@ -21,7 +21,7 @@ from hapticeval.phenomena.sampling import mm, worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.energy_balance import balance
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -108,7 +108,8 @@ def _at_own_rate(base: Observed, sampled: SampledWork, closed_paths: list[Closed
     # Of a force alone the surface's nearest point shows how stiff and how late it is.
     base = base.with_nearest_points if alone else base
     lag = float(force_only_lag(base.recording, base.pressed)) if alone else base.force_lag
-    work, explained = sampled.held, explained_work(base, lag) + _rounding_work(base, sampled)
+    rounding = base.rounding_floor(sampled.effort, base.scene.stiffness * sampled.path)
+    work, explained = sampled.held, explained_work(base, lag) + rounding
 
     def largest(span: Span) -> AtOwnRate:
         """Return the work, J, of a span up to where it is farthest beyond what is explained."""
@@ -296,7 +297,7 @@ def _gains(
     )
     count = min(sums.free.size for sums in sampled)
     last = sampled[-1]
-    rounding = _rounding_work(base, last)
+    rounding = base.rounding_floor(last.effort, base.scene.stiffness * last.path)
     # Free in all of the runs: their contacts may begin a tick apart.
     free = np.logical_and.reduce([sums.free[:count] for sums in sampled])
     return [
@@ -327,12 +328,6 @@ def _hold_failure(base: Observed, gain: AtOwnRate) -> Finding:
         "lag_ticks": gain.lag,
     }
     return Finding(Outcome.FAIL, message, CHECK.measured(gain.work), gain.explained, evidence)
-
-
-def _rounding_work(base: Observed, sampled: SampledWork) -> Array:
-    largest = float(np.max(np.abs(base.hip)))
-    # Single precision of the hand, as a force K |x| over the path, and of the force itself.
-    return SINGLE_ROUNDINGS * SINGLE * (base.scene.stiffness * largest * sampled.path + sampled.effort)
 
 
 def _millijoules(energy: float) -> str:

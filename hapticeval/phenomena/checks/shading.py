@@ -9,13 +9,12 @@ import numpy as np
 
 from hapticeval.effects.catalogue import SHADING
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
-from hapticeval.phenomena.decisions import OTHER_WEIGHTS, SINGLE_ROUNDINGS, TELLING_SHARE
+from hapticeval.phenomena.decisions import OTHER_WEIGHTS, TELLING_SHARE
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -50,8 +49,7 @@ def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
     size = np.maximum(*(recording.force_size for recording in (base, plain)))
-    # Single precision of the force, and of the positions as a force K |x|.
-    rounding = SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
+    rounding = base.rounding_floor(size, scene.stiffness)
     return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
 
 

@@ -17,7 +17,6 @@ from hapticeval.phenomena.decisions import (
     HAND_ROUNDING,
     POWER_PARTS,
     SHORTEST_STRETCH,
-    SINGLE_ROUNDINGS,
     SLOWEST_LOW_PASS,
     STEADY_SHARE,
     TELLING_SHARE,
@@ -29,7 +28,7 @@ from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
-from hapticeval.recordings.recording import SINGLE, backward_difference
+from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -347,8 +346,8 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
         return undecided(
             f"the texture's own filters still ring with {ringing_share:.2g} of it {TEXTURE_SETTLES:g} s after a stop"
         )
-    size = max(float(np.linalg.norm(recording.force[tick])) for recording in (base, plain))
-    allowed = ringing_share * largest_moving + SINGLE_ROUNDINGS * SINGLE * (size + scene.stiffness * largest)
+    size = np.maximum(*(np.linalg.norm(recording.force, axis=1) for recording in (base, plain)))
+    allowed = ringing_share * largest_moving + float(base.rounding_floor(size, scene.stiffness)[tick])
     return compared(
         TEXTURE_REST.measured(added[tick]),
         allowed,

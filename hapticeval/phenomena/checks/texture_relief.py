@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, not_alone, nothing_pressed
-from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
 from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, resting_ticks
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import lengths_of, steps_to, worst_row
@@ -283,9 +283,8 @@ def _compare_channel(
         late = np.zeros(len(rows))
     # What the relief adds, and how much of it the channel shows: <recorded - bare, change> / |change|^2
     change = right - bare_answer
-    rounded = SINGLE * (np.linalg.norm(right, axis=1) + (base.scene.stiffness if channel == "force" else 1.0)
-                        * float(np.max(np.abs(base.hip))))  # fmt: skip
-    allowed = moves() * doubt + late + SINGLE_ROUNDINGS * rounded
+    per_metre = base.scene.stiffness if channel == "force" else 1.0
+    allowed = moves() * doubt + late + base.rounding_floor(np.linalg.norm(right, axis=1), per_metre)
     # Ticks in which a tenth of the relief's largest effect can be told: of an IHIP that it leaves, of its height.
     changes = bool(change.any())
     clear = allowed <= TELLING_SHARE * (float(np.max(np.linalg.norm(change, axis=1))) if changes else highest)

@@ -8,12 +8,11 @@ import numpy as np
 
 from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
 from hapticeval.phenomena.check import Check, Runs, required
-from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN, SINGLE_ROUNDINGS
+from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN
 from hapticeval.phenomena.measures.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_row
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
-from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
 
@@ -30,7 +29,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
     # First and last rows of all laps, (k,) each.
     first, last = np.array(loops).T
-    largest = float(np.max(np.abs(base.hip)))
     for finest in FINER_RATES:
         half, full = (SampledWork(Observed(refine(factor), scene), factor) for factor in (finest // 2, finest))
         before, work, error, crossed, path, effort = (
@@ -38,9 +36,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             for sums in (half.smooth, full.smooth, full.error, full.crossed, full.path, full.effort)
         )
         # The last step of refinement, the trapezoid's own error, and single precision.
-        allowed = (
-            np.abs(work - before) + error + SINGLE_ROUNDINGS * SINGLE * (scene.stiffness * largest * path + effort)
-        )
+        allowed = np.abs(work - before) + error + base.rounding_floor(effort, scene.stiffness * path)
         gains = work > allowed
         # Decided where a gain is certain, or what is open is a thousandth of what crosses.
         if gains.any() or np.all(allowed <= LOOP_KNOWN * crossed):

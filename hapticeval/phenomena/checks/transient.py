@@ -179,7 +179,7 @@ def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckCo
     single = bool(np.all(base.force.astype(np.float32) == base.force))
     largest = np.maximum(*(recording.force_size for recording in (base, plain)))
     # N, of the larger of both forces.
-    rounding = SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE) * largest
+    rounding = base.rounding_floor(largest, scene.stiffness, share=SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE))
     struck = []
     for touch, end in runs_of(touches):
         # A contact that is there at once does not begin.

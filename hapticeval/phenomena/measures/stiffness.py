@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import LAG_TICKS, SINGLE_ROUNDINGS, TELLING_SHARE
-from hapticeval.phenomena.lag import delayed
+from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.lag import beside_straight, delayed
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import unit_vectors
-from hapticeval.recordings.recording import SINGLE, backward_difference
+from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -59,21 +59,25 @@ class PressedTicks(NamedTuple):
 
     - `pressing` (rows,): which these are of all ticks, and `ticks` (n,) their numbers.
     - `errors`: HIP less IHIP, m, by all lags, see `_errors_within_lag`.
-    - `bending` (n,), N: the force that the curvature may add, see `_curvature_force`.
+    - `unknown` (n,), N: what the curvature may add, see `_curvature_force`, and a lag between two ticks leaves open.
     """
 
     pressing: BoolArray
     ticks: IntArray
     errors: list[Array]
-    bending: Array
+    unknown: Array
 
 
 def find_pressed_ticks(base: Observed) -> PressedTicks:
     """Find the ticks that call for a force, the same for all laws."""
     pressing = _calls_for_force(base)
     ticks = np.flatnonzero(pressing)
-    bending = _curvature_force(base, base.velocity, ticks)
-    return PressedTicks(pressing, ticks, _errors_within_lag(base, ticks), bending)
+    unknown = _curvature_force(base, base.velocity, ticks)
+    for points, lag in ((base.hip, base.lag.force_hip), (base.ihip, base.lag.force_ihip)):
+        # Between ticks it is not known where the renderer had them.
+        if abs(lag - round(lag)) > WHOLE_LAG:
+            unknown = unknown + base.scene.stiffness * beside_straight(points)[ticks]
+    return PressedTicks(pressing, ticks, _errors_within_lag(base, ticks), unknown)
 
 
 def measure_stiffness(base: Observed, pressed: PressedTicks, spring: Spring | None) -> ApparentStiffness:
@@ -83,7 +87,7 @@ def measure_stiffness(base: Observed, pressed: PressedTicks, spring: Spring | No
     which the size alone counts.
     """
     scene = base.scene
-    pressing, now, errors, bending = pressed
+    pressing, now, errors, unknown = pressed
     last = len(base) - 1
     # (lags, n): the ticks within a lag of each, cut to the recording.
     window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
@@ -102,27 +106,31 @@ def measure_stiffness(base: Observed, pressed: PressedTicks, spring: Spring | No
     # Contact begins or ends within a lag, or the recording does, in which a late IHIP is then missing.
     begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
-    reach = np.max([np.linalg.norm(candidate, axis=1) for candidate in errors], axis=0)
+    distances = np.linalg.norm(errors, axis=2)
+    reach = distances.max(axis=0)
     size = np.linalg.norm(force, axis=1)
     if spring is Spring.ERROR:  # what is across the error is another check's
         size = np.where(np.any(along != 0.0, axis=1), np.abs(np.sum(along * force, axis=1)), size)
     depth[begins] = reach[begins]
     # K_eff / K = |F| / (K e): as large as the largest depth within a lag makes it.
     explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
-    low, high = shares.min(axis=0), shares.max(axis=0)
+    other_force = _undamped_other_force(base, unknown, size, depth)
+    # What is open is a share of the depth that the force answers: of a little one more than of that in the same tick.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        more_open = other_force / scene.stiffness * np.maximum(1.0 / distances - 1.0 / depth, 0.0)
+    low, high = (shares - more_open).min(axis=0), (shares + more_open).max(axis=0)
     if "spring" not in base.meta:
         # A tool that stands off by s may be pulled from the surface or from where it stands: its depth is known to s.
         gap = base.standoff
         low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
         # Where it may be on the surface, no share is known, and that of no force is no NaN.
-        unknown = np.where(high < 0.0, -np.inf, np.inf)
-        high = np.divide(high * depth, depth - gap, out=unknown, where=depth > gap)
+        no_share = np.where(high < 0.0, -np.inf, np.inf)
+        high = np.divide(high * depth, depth - gap, out=no_share, where=depth > gap)
     # There a force may be too large, and not too small.
     low[begins], high[begins] = explained[begins], np.inf
     velocity, sinking = base.velocity, backward_difference(base.hip - base.ihip, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
     speed, spreading = (np.abs(np.sum(along * rates, axis=1)) for rates in (velocity[now], sinking[now]))
-    other_force = _undamped_other_force(base, bending, size, depth)
     # (K_d v + G) / (K d): the share that damper, curvature and rounding may make.
     with np.errstate(divide="ignore", invalid="ignore"):
         damping: Array | float = scene.damping
@@ -168,16 +176,15 @@ def _errors_within_lag(base: Observed, ticks: IntArray) -> list[Array]:
     return errors
 
 
-def _undamped_other_force(base: Observed, bending: Array, sizes: Array, depths: Array) -> Array:
+def _undamped_other_force(base: Observed, unknown: Array, sizes: Array, depths: Array) -> Array:
     """Return how much of the force of n ticks is open beside spring and damper, (n,), N: G of the bound.
 
-    `bending` (n,), N, is what a law may add that knows the curvature; `sizes` (n,), N, and `depths` (n,), m, are those
-    of force and depth. The rest is coarse or rounded numbers.
+    `unknown` (n,), N, is that of `PressedTicks`; `sizes` (n,), N, and `depths` (n,), m, are those of force and depth.
+    The rest is coarse or rounded numbers.
     """
     # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
-    position_rounding = SINGLE_ROUNDINGS * SINGLE * (float(np.max(np.abs(base.hip))) + depths)
-    position_rounding += 0.5 * base.log_step("hip", "ihip")
-    return np.asarray(bending + force_coarseness(base, sizes) + base.scene.stiffness * position_rounding)
+    position_rounding = base.rounding_floor(depths, 1.0) + 0.5 * base.log_step("hip", "ihip")
+    return np.asarray(unknown + force_coarseness(base, sizes) + base.scene.stiffness * position_rounding)
 
 
 def force_coarseness(base: Observed, sizes: Array) -> float:

@@ -25,9 +25,8 @@ class SurfaceForce:
     - `tangential_size` (n,), N: its length, and at a corner what leaves the fan of normals.
     - `velocity` (n, N), m/s: the hand's along the surface.
     - `unit_normals` (n, N): the outward normals.
-    - `open_force` (n,), N: what dampers and viscous friction may add along the surface, rounding, and
-      `open_between_ticks`.
-    - `open_between_ticks` (n,), N: by how much the force of a channel that is late may be off between two ticks.
+    - `damper_force` (n,), N: what dampers and viscous friction may add along the surface.
+    - `rounding` (n,), N: what rounding leaves open of the force, and of a channel that is late the time between ticks.
     - `leaning` (n,), N: what facets of the declared resolution may turn along the surface.
     """
 
@@ -37,14 +36,26 @@ class SurfaceForce:
     tangential_size: Array
     velocity: Array
     unit_normals: Array
-    open_force: Array
-    open_between_ticks: Array
+    damper_force: Array
+    rounding: Array
     leaning: Array
+
+    @property
+    def open_force(self) -> Array:
+        """Return what dampers and rounding leave open of the force along the surface, (n,), N."""
+        return self.damper_force + self.rounding
 
     def share_of_cone(self, coefficient: float) -> Array:
         """Return |F_t| / (mu F_n), (n,): 1 on the edge of the cone of a `coefficient`, and 0 where nothing presses."""
         edge = np.where(self.normal_force > 0.0, coefficient * self.normal_force, np.inf)
-        return np.asarray(self.tangential_size / edge)
+        no_cone = np.where(self.tangential_size > 0.0, np.inf, 0.0)
+        with np.errstate(over="ignore"):
+            return np.divide(self.tangential_size, edge, out=no_cone, where=edge > 0.0)
+
+    def surely_within(self, coefficient: float) -> BoolArray:
+        """Return where the tool is pressed and F_t is in the cone of a `coefficient`, (n,), whatever rounding made."""
+        edge = coefficient * self.normal_force
+        return np.asarray((self.normal_force > 0.0) & (self.tangential_size + self.rounding <= edge))
 
 
 def surface_force_of(base: Observed, open_between_ticks: Array | None = None) -> SurfaceForce:
@@ -75,15 +86,15 @@ def surface_force_of(base: Observed, open_between_ticks: Array | None = None) ->
     damper_force = (scene.damping + viscous_coefficient(scene)) * np.linalg.norm(velocity, axis=1)
     # Within a facet's length the surface somewhere has the facet's direction: it leans by kappa times that length.
     leaning_angle = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1) * base.resolution
-    # Rounding is a share of the largest numbers that a force is made of: K |x| of positions, and the force itself.
-    largest = scene.stiffness * float(np.max(np.abs(base.hip))) + strength
+    rounding = base.rounding_floor(strength, scene.stiffness, share=COORDINATE_ROUNDINGS * ihip_precision(base))
     parts = {
         "normal_force": normal_force,
         "tangential_force": tangential_force,
         "tangential_size": tangential_size,
         "velocity": velocity,
         "unit_normals": unit_normals,
-        "open_force": damper_force + COORDINATE_ROUNDINGS * ihip_precision(base) * largest,
+        "damper_force": damper_force,
+        "rounding": rounding,
         "leaning": strength * np.sin(np.minimum(leaning_angle, 0.5 * np.pi)),
     }
     # Zero in ticks without a force above the floor.
@@ -92,8 +103,8 @@ def surface_force_of(base: Observed, open_between_ticks: Array | None = None) ->
         columns[name][rows] = part
     if open_between_ticks is None:
         open_between_ticks = np.zeros(len(base))
-    columns["open_force"] += open_between_ticks
-    return SurfaceForce(pressed=pressed, open_between_ticks=open_between_ticks, **columns)
+    columns["rounding"] += open_between_ticks
+    return SurfaceForce(pressed=pressed, **columns)
 
 
 def along_surface(vectors: Array, unit_normals: Array) -> Array:

@@ -197,9 +197,9 @@ def test_a_slide_is_known_to_the_rounding_of_its_places(precision):
     ihip[:, 0] = (STEP * np.arange(30)).astype(precision)
     base = recorded(ihip - force / 1000.0, ihip, force)
     finding = asked(friction.judge_sliding, base)
-    place = 8.0 * np.finfo(precision).eps * np.abs(base.hip).max()
+    place = 16.0 * np.finfo(precision).eps * np.abs(base.hip).max()
     reach = 1000.0 * np.abs(base.hip).max() + np.hypot(0.6, 2.0)
-    rounded = 8.0 * np.finfo(precision).eps * reach / 0.6
+    rounded = 16.0 * np.finfo(precision).eps * reach / 0.6
     tick = finding.evidence["tick"]
     assert finding.bound == pytest.approx(rounded + place / (ihip[tick, 0] - ihip[tick - 1, 0]) + 1e-9, rel=1e-6)
 
@@ -245,7 +245,6 @@ def test_what_is_open_between_ticks_is_open_of_the_force():
     base, between = recorded(hip, ihip, force), 0.1 * np.arange(5.0)
     known, unknown = surface_force_of(Observed(base, SCENE)), surface_force_of(Observed(base, SCENE), between)
     np.testing.assert_allclose(unknown.open_force - known.open_force, between)
-    np.testing.assert_array_equal(unknown.open_between_ticks, between)
 
 
 def test_a_tool_that_is_never_pressed_tells_nothing_of_a_friction():
@@ -269,7 +268,7 @@ class TestLateChannels:
         def judge(runs, parts):
             np.testing.assert_array_equal(
                 parts.tangential_force,
-                surface_force_of(Observed(runs.base, SCENE), parts.open_between_ticks).tangential_force,
+                surface_force_of(Observed(runs.base, SCENE)).tangential_force,
             )
             outcome, words = (PASS, "kept") if keeps(runs.base) else (FAIL, "broken")
             return Finding(outcome, words, Metric("off", 1.0, "N"), 0.5)
