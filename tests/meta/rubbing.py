@@ -12,7 +12,7 @@ from outsiders import Outsider
 from hapticeval.discovery import resolve
 from hapticeval.effects.friction import Friction
 from hapticeval.effects.viscous_friction import ViscousFriction
-from hapticeval.renderer import Response
+from hapticeval.renderer import Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.suite.reading import load_suite
@@ -25,7 +25,7 @@ class Rubbing:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = self.meant(scene)
-        self.inner = with_effects(resolve("minimum-distance")(scene), self.scene)
+        self.inner = with_effects(wrapped(resolve("minimum-distance")(scene)), self.scene)
 
     def meant(self, scene: Scene) -> Scene:
         return scene

@@ -18,7 +18,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.shading import facets
 from hapticeval.effects.shading_kernels import SHADED_FACET
 from hapticeval.records import as_record, as_records
-from hapticeval.renderer import Renderer, Response
+from hapticeval.renderer import Renderer, Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 
@@ -109,7 +109,7 @@ class Showing:
     def __init__(self, scene: Scene, fault: Fault) -> None:
         self.scene, self.fault = scene, fault
         self.bare: Renderer = resolve("minimum-distance")(scene)
-        self.right: Any = with_effects(resolve("minimum-distance")(scene), scene)
+        self.right: Any = with_effects(wrapped(resolve("minimum-distance")(scene)), scene)
 
     def reset(self, hip: np.ndarray) -> None:
         self.bare.reset(hip)

@@ -16,7 +16,7 @@ from outsiders import Outsider
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.stochastic_texture import StochasticTexture
-from hapticeval.renderer import Response
+from hapticeval.renderer import Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.stimulus.paths import Loop
@@ -52,7 +52,7 @@ class Textured:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.bare = resolve("minimum-distance")(scene)
-        self.right = with_effects(resolve("minimum-distance")(scene), scene)
+        self.right = with_effects(wrapped(resolve("minimum-distance")(scene)), scene)
 
     def reset(self, hip: np.ndarray) -> None:
         self.time = 0.0

@@ -19,6 +19,7 @@ from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_s
 from hapticeval.phenomena.decisions import WELCH_WINDOW
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.renderer import wrapped
 from hapticeval.runner.judging import judge
 from hapticeval.simulation.answers import with_effects
 from hapticeval.suite.case import Case
@@ -207,7 +208,7 @@ class Mixed:
 
     def __init__(self, scene, mix):
         self.plain = resolve("minimum-distance")(scene)
-        self.textured = with_effects(resolve("minimum-distance")(scene), scene)
+        self.textured = with_effects(wrapped(resolve("minimum-distance")(scene)), scene)
         self.mix = mix
 
     def reset(self, hip):
