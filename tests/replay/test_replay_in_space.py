@@ -73,7 +73,11 @@ def test_a_log_in_space_is_drawn(tmp_path):
     out = tmp_path / "out"
     assert main(["replay", str(log_of("torus", tmp_path)), "-r", "minimum-distance", "-o", str(out)]) == 0
     (page,) = (out / "report" / "cases").rglob("*.html")
-    assert page.read_text().count('class="figure"') >= 2, "the plane, and what is felt against time"
+    text = page.read_text()
+    assert 'class="case-data"' in text, "what the browser draws"
+    assert all(f'<figure class="{part}"' in text for part in ("plane", "plots")), (
+        "the model, and what is felt against time"
+    )
 
 
 def test_a_force_in_space_that_leans_off_the_normal_fails_and_does_not_follow(undrawn, tmp_path, capsys):

@@ -13,6 +13,7 @@ from outsiders import CASES
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.motion import rigid_motion, scaling
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
@@ -174,9 +175,9 @@ class TestFindings:
     @pytest.mark.parametrize(("tick", "placed"), [(4, True), (5, False), ("2", False)])
     def test_a_failure_s_region_is_that_of_a_tick_of_the_recording(self, tick, placed):
         finding = Finding(Outcome.FAIL, "off", evidence={"tick": tick})
-        assert ("region" in _with_region(finding, self.BASE, PRESS.build_scene()).evidence) is placed
+        assert ("region" in _with_region(finding, Observed(self.BASE, PRESS.build_scene())).evidence) is placed
         passed = Finding(Outcome.PASS, "well", evidence={"tick": 2})
-        assert _with_region(passed, self.BASE, PRESS.build_scene()) is passed
+        assert _with_region(passed, Observed(self.BASE, PRESS.build_scene())) is passed
 
     def ended_early(self, monkeypatch, finding, ended, **meta):
         monkeypatch.setattr("hapticeval.runner.judging.CHECKS", {"contact-kept": lambda runs, scene: finding})
