@@ -44,7 +44,7 @@ def bench(
         ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="One model, one knob a renderer, few values: a quarter of a minute.")
+        bool, typer.Option("--quick", help="One model, one knob a renderer, few values: the quickest look.")
     ] = False,
     within: Annotated[
         str | None,
