@@ -8,6 +8,7 @@ import pytest
 
 MINE = '''
 import os, time
+from pathlib import Path
 import numpy as np
 from hapticeval import Response
 
@@ -39,6 +40,7 @@ class Dies(Raises):
 
 class Hangs(Raises):
     def bad(self, hip):
+        Path(__file__).with_name("hangs").touch()
         time.sleep(3600)
 
 class Slow(Nearest):
