@@ -4,7 +4,8 @@ A pool of the standard library cannot do the last: it neither says which calls h
 of one of its processes.
 
 Here each process has a pipe of its own and shares no lock. One that dies, or is killed in the middle of an answer,
-takes nothing along but its call. One that hangs writes its stack at a signal before it is killed, in which
+takes nothing along but its call. A copy that a renderer makes of its process, by a fork, has no part in the pipe: else
+it would answer calls as well. One that hangs writes its stack at a signal before it is killed, in which
 `errors.place_in_stack` finds the line of the renderer.
 """
 
@@ -28,6 +29,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
@@ -53,6 +55,9 @@ STACK_PATIENCE = 2.0
 
 TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
+
+SERIAL_SIZE = 8
+"""Bytes before a call and before its answer: its number among what was sent."""
 
 PARENT_CHECK_PERIOD = 1.0
 """Seconds between two looks of a process at whether its parent is still there."""
@@ -243,9 +248,11 @@ class _Worker:
 class _Call(NamedTuple):
     """A call that has begun: who is at it since when, and how many processes were killed over it before.
 
-    `waited` (s) is what the process had waited for a processor by then.
+    `serial` counts what was sent: only an answer that carries it is this call's. `waited` (s) is what the process had
+    waited for a processor by then.
     """
 
+    serial: bytes
     worker: _Worker
     arguments: tuple[Any, ...]
     killed: int
@@ -273,6 +280,7 @@ class Workers(Generic[T]):
         self._fresh = fresh
         self._idle: list[_Worker] = []
         self._begun: dict[int, _Call] = {}
+        self._sent = 0
         self._local_answers: list[Answer[T]] = []
 
     def __enter__(self) -> Workers[T]:
@@ -307,19 +315,22 @@ class Workers(Generic[T]):
             self._begin(call, arguments, 0)
 
     def _begin(self, call: int, arguments: tuple[Any, ...], killed: int) -> None:
+        # By itself, and not `call`: a call that is made again must not take what came of it before.
+        self._sent += 1
+        serial = self._sent.to_bytes(SERIAL_SIZE, "big")
         while True:
             worker = self._idle.pop() if self._idle else self._new()
             # What the call before left there is not of this one. Before it is sent: the worker may answer at once.
             worker.pending_step[0] = 0
             try:
-                worker.pipe.send(arguments)
+                worker.pipe.send_bytes(serial + bytes(ForkingPickler.dumps(arguments)))
             except OSError:  # it ended while it had nothing to do
                 worker.end(0.0)
                 continue
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            self._begun[call] = _Call(worker, arguments, killed, time.monotonic(), _processor_wait(worker))
+            self._begun[call] = _Call(serial, worker, arguments, killed, time.monotonic(), _processor_wait(worker))
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
@@ -330,7 +341,7 @@ class Workers(Generic[T]):
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             # A pipe is ready with an answer, or because its other end is closed: the process is gone.
             call = calls[cast("Connection", pipe)]
-            worker, arguments, killed, *_ = self._begun.pop(call)
+            serial, worker, arguments, killed, *_ = begun = self._begun.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
@@ -342,10 +353,13 @@ class Workers(Generic[T]):
                 else:
                     answers.append(Answer(call, None, ended))
             else:
+                if answer[:SERIAL_SIZE] != serial:  # of another call: this one's is still to come
+                    self._begun[call] = begun
+                    continue
                 self._idle.append(worker)
-                answers.append(Answer(call, *pickle.loads(answer)))
+                answers.append(Answer(call, *pickle.loads(answer[SERIAL_SIZE:])))
         if not answers and self._begun and timeout is None:
-            return self.answers()  # what was killed has begun anew
+            return self.answers()  # what was killed has begun anew, or what came was of another call
         return answers
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
@@ -465,12 +479,38 @@ def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]
     faulthandler.enable(file=stack_end.fileno(), all_threads=False)
     if STACK_SIGNAL is not None:
         faulthandler.register(STACK_SIGNAL, file=stack_end.fileno(), all_threads=False)
+    _answering.extend((pipe, stack_end))
     try:
         while True:
             received = pipe.recv_bytes()
-            pipe.send_bytes(_pickled_answer(*_call_result(lambda: function(*pickle.loads(received)))))  # noqa: B023 - called at once
+            result = _call_result(lambda: function(*pickle.loads(received[SERIAL_SIZE:])))  # noqa: B023 - called at once
+            if pipe.closed:
+                os._exit(0)  # a copy that came back from the call: the answer is its parent's to give
+            pipe.send_bytes(received[:SERIAL_SIZE] + _pickled_answer(*result))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
+
+
+_answering: list[Connection] = []
+"""The pipes by which this process answers: of a call, and of its stack."""
+
+
+def _leave_pipes() -> None:
+    """Give up the inherited pipes in a copy that a renderer makes of this process."""
+    if not _answering:
+        return
+    faulthandler.disable()  # its crash must not be taken for this process's
+    if STACK_SIGNAL is not None:
+        faulthandler.unregister(STACK_SIGNAL)
+    for pipe in _answering:
+        pipe.close()
+    _answering.clear()
+    # Memory that it would share: what it does is no answer of this process's renderer.
+    share_pulse([0, 0], [0.0] * PENDING_SIZE)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_pipes)
 
 
 def _frames_of_call(text: bytes) -> tuple[list[Frame], bool]:

@@ -43,6 +43,14 @@ def act(what, *more):
     if what == "spin":
         while True:
             pass
+    if what == "fork":
+        # Both come back from the call, the copy somewhat later: when its parent is at the next one.
+        if os.fork() == 0:
+            time.sleep(0.1)
+        return os.getpid()
+    if what == "pause":
+        time.sleep(0.3)
+        return os.getpid()
     if what == "die":
         os.kill(os.getpid(), signal.SIGKILL)
     if what == "untold":
@@ -99,6 +107,24 @@ def test_an_error_says_where_it_was_raised(what, kind, words):
         assert what == "untold" or "in another process:\nTraceback" in error.__notes__[0]
         crew.begin(1, "double", 4)
         assert answered(crew, 1)[1] == Answer(1, 8, None)
+
+
+def test_a_copy_that_a_call_makes_of_its_process_answers_nothing():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "fork")
+        pid = answered(crew, 1)[0].value
+        for call in (1, 2):
+            crew.begin(call, "pause")
+            assert answered(crew, 1) == {call: Answer(call, pid, None)}
+
+
+def test_an_answer_of_another_call_is_refused():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "pause")
+        call = crew._begun[0]
+        crew._begun[0] = call._replace(serial=b"\xff" * len(call.serial))
+        assert crew.answers(2.0) == []
+        assert crew.busy == 1, "its own is waited for"
 
 
 def test_without_processes_a_call_is_made_here_and_now():
