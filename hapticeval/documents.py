@@ -25,19 +25,101 @@ LONGEST_QUOTE = 80
 DEEPEST_NESTING = 64
 """Tables and lists within each other, *chosen*: ours have ten at the most, and Python's stack ends at some hundreds."""
 
+LARGEST_BITS = 1023
+"""Binary digits of a whole number that any float holds."""
+
+LARGEST_TOML = 16_000_000
+"""Bytes of a TOML file, *chosen*: what people write has a thousandth of it."""
+
+LARGEST_JSON = 1_000_000_000
+"""Bytes of a JSON file, *chosen*: results of a hundred thousand verdicts have a tenth of it."""
+
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{DEEPEST_NESTING},}}", re.MULTILINE)
+"""A key of more parts than tables may be deep, as a.a.a: Python's reader takes time and memory by their square."""
+
+UNUSABLE = re.compile(r"[0-9]{308}|\\[uU][0-9a-fA-F]*?[dD][89a-fA-F][0-9a-fA-F]{2}")
+"""What a text has that may hold a number or a character of `refuse_unusable`: most have none, and are not walked."""
+
+
+def read_text(file: Path, *, largest: int) -> str:
+    """Return the text of a file in UTF-8 of at most so many bytes.
+
+    Raises `InputError` for what is no file, as a pipe or a device that never ends, for a larger one, and for one that
+    cannot be read; `UnicodeDecodeError` for another encoding.
+    """
+    try:
+        if file.exists() and not file.is_file():
+            raise InputError(f"{file} is no file", why="a pipe, a device or a folder is not read as a document")
+        if file.stat().st_size > largest:
+            size = f"it has {file.stat().st_size:,} bytes, and {largest:,} are the most"
+            raise InputError(
+                f"{file} is too large", why=size, todo="name another file: no document of ours has so many"
+            )
+        return file.read_text(encoding="utf-8")
+    except OSError as error:
+        # A name that is too long for the system is too long for a message.
+        raise unreadable(str(file) if len(file.name) <= LONGEST_QUOTE else shortened(file.name), error) from error
+    except MemoryError as error:
+        raise too_large_for_memory(str(file)) from error
+
+
+def shortened(text: str) -> str:
+    """Return a text as a message quotes it."""
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
+
+
+def too_large_for_memory(place: str) -> InputError:
+    """Return the error of a document that takes more memory than there is."""
+    return InputError(f"{place} takes more memory than there is", todo="name a smaller file")
+
+
+def refuse_unusable(document: Any, text: str, place: str) -> None:
+    """Raise `InputError`, naming the entry, for a whole number that no float holds, and half of a character.
+
+    `text` is what the document was read from. Neither can be computed with or written again.
+    """
+    if UNUSABLE.search(text):
+        for path, value in _entries(document, ()):
+            fault = _unusable(value)
+            if fault:
+                raise InputError(f"{':'.join([place, *_readable_places(document, list(path))])} {fault}")
+
+
+def _entries(value: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield each key and value within a document that is not too deep, with the keys that lead there."""
+    pairs = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    yield path, value
+    for key, entry in pairs:
+        if isinstance(value, Mapping):
+            yield path, key
+        yield from _entries(entry, (*path, str(key)))
+
+
+def _unusable(value: Any) -> str:
+    if isinstance(value, int) and value.bit_length() > LARGEST_BITS:
+        return f"holds a whole number of {len(str(abs(value)))} digits, which no float can hold"
+    if isinstance(value, str) and any("\ud800" <= character <= "\udfff" for character in value):
+        return "holds half of a character (a lone surrogate), which is no text"
+    return ""
+
 
 def read_toml(file: Path) -> Mapping[str, Any]:
     """Read a TOML file. Raises `InputError`, naming it, for one that cannot be read, is no TOML, or nested too deep."""
     try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise unreadable(str(file), error) from error
+        text = read_text(file, largest=LARGEST_TOML)
+        if DEEP_KEY.search(text):
+            raise too_deep(file.name)
+        document = tomllib.loads(text)
     except RecursionError:
         raise too_deep(file.name) from None
+    except MemoryError as error:
+        raise too_large_for_memory(file.name) from error
     except ValueError as error:  # of TOML, of UTF-8, of a number of thousands of digits
         todo = "mend it there: name = value, a text in quotes, a list in [ ]; the file is in UTF-8"
         raise InputError(f"{file.name} is not TOML", why=str(error), todo=todo) from error
     check_depth(document, file.name)
+    refuse_unusable(document, text, file.name)
     return document
 
 
@@ -65,7 +147,10 @@ def parse_json(text: str | bytes, place: str) -> Any:
         raise too_deep(place) from None
     except ValueError as error:  # of JSON, of UTF-8, of a number of thousands of digits
         raise InputError(f"{place} is not JSON", why=str(error)) from error
+    except MemoryError as error:
+        raise too_large_for_memory(place) from error
     check_depth(document, place)
+    refuse_unusable(document, text if isinstance(text, str) else text.decode(errors="replace"), place)
     return document
 
 
@@ -163,8 +248,7 @@ def _misfit_error(data: Any, kind: Any, steps: list[str], what: str, todo: str) 
         return UnknownNameError("kind" if steps[-1:] == ["kind"] else "choice", str(value), choices)
     # Case 3: a value of a wrong type or out of its range. msgspec's words, and the value where it is short to show.
     text = repr(value)
-    text = text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
-    quoted_value = "" if isinstance(value, Mapping | list) or value is None else f", and it is {text}"
+    quoted_value = "" if isinstance(value, Mapping | list) or value is None else f", and it is {shortened(text)}"
     return InputError(what[0].lower() + what[1:] + quoted_value, todo=todo)
 
 

@@ -15,7 +15,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import InputError, printable, unreadable, unwritable
+from hapticeval.errors import InputError, printable, unwritable
 
 T = TypeVar("T")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|-?inf|nan", re.IGNORECASE)
@@ -223,16 +223,22 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
 
 def parse_json(path: Path, *, todo: str) -> Any:
     """Return what a JSON file holds. Raises `InputError` with that `todo` where it cannot be read or is not JSON."""
+    from hapticeval.documents import LARGEST_JSON, check_depth, read_text, refuse_unusable, too_large_for_memory
+
     try:
+        text = read_text(path, largest=LARGEST_JSON)
         # Python reads NaN and Infinity, which are no JSON: refused.
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    except OSError as error:
-        raise unreadable(str(path), error) from error
+        document = json.loads(text, parse_constant=_refuse_constant)
+    except MemoryError as error:
+        raise too_large_for_memory(str(path)) from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=todo) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not JSON text", why=str(error), todo=todo) from error
+    check_depth(document, str(path))
+    refuse_unusable(document, text, str(path))
+    return document
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -242,13 +248,20 @@ def _refuse_constant(name: str) -> NoReturn:
 def file_below(folder: Path, name: str) -> Path:
     """Return the path of a file that a suite names. Raises `InputError` unless it lies below `folder`."""
     file = folder / name
-    # Both resolved: neither ".." nor a link leads out of the folder.
-    if not file.resolve().is_relative_to(folder.resolve()):
+    try:
+        # Both resolved: neither ".." nor a link leads out of the folder.
+        below, odd = file.resolve().is_relative_to(folder.resolve()), file.exists() and not file.is_file()
+    except (OSError, ValueError) as error:  # a name too long for the system, or with a null character
+        from hapticeval.documents import shortened
+
+        why = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise InputError(f"the file '{printable(shortened(name))}' cannot be looked for", why=why) from error
+    if not below:
         raise InputError(
             f"the file '{name}' is not below the suite's folder {folder}",
             why="a suite may come from anyone, and reads no other files of this machine",
             todo="copy the file beside the suite",
         )
-    if file.exists() and not file.is_file():
+    if odd:
         raise InputError(f"'{name}' is no file", why="a pipe, a device or a folder has no rows to read")
     return file

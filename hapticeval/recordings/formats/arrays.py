@@ -216,6 +216,10 @@ def read_npz(path: Path) -> Table:
             # An archive begins at byte 0: any other offset is that of an archive within this file, which was cut.
             if min((entry.header_offset for entry in entries), default=0):
                 raise zipfile.BadZipFile("it is that of another archive inside of it")
+            names = [entry.filename for entry in entries]
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise zipfile.BadZipFile(f"'{twice}' is in it twice, and which of both is meant is not known")
             reserve(sum(entry.file_size for entry in entries), str(path))
             for entry in entries:
                 name = entry.filename.removesuffix(".npy")
