@@ -87,7 +87,7 @@ class CurveStabilisation(Stabilisation):
     Raises `RefusalError` for a curve with corners, and `InputError` as `check_gains` does.
     """
 
-    def __init__(self, scene: Scene, *, predicted: bool) -> None:
+    def __init__(self, scene: Scene, *, predicted: bool = False) -> None:
         curve = smooth_curve(scene.model)
         law = on_curve_predicted if predicted else on_curve
         super().__init__(scene, law, curve, predicted=predicted, pieces=curve.pieces, lookup=curve.samples)
@@ -203,7 +203,7 @@ class SurfaceStabilisation(Stabilisation):
 
     surface: Surface
 
-    def __init__(self, scene: Scene, *, atlas: bool, predicted: bool) -> None:
+    def __init__(self, scene: Scene, *, atlas: bool, predicted: bool = False) -> None:
         surface = scene.model.surface
         if atlas and surface.kind != "sphere":
             raise RefusalError(

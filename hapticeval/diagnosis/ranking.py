@@ -198,7 +198,7 @@ def _diagnose_force(
 def _criterion(cause: Cause, total: float, floor: float, samples: float, noisy: bool) -> float:
     """Return the Bayesian information criterion of a cause, by how much it is better than none: less is better."""
     price = cause.cost * np.log(samples) * (1.0 if noisy else 2.0)
-    return float(samples * np.log((cause.left + floor) / (total + floor)) + price)
+    return float(samples * np.log(max(cause.left + floor, 1e-300) / max(total + floor, 1e-300)) + price)
 
 
 def _rank(causes: Sequence[Cause], total: float, floor: float, samples: float, *, noisy: bool = False) -> list[Cause]:

@@ -12,7 +12,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 
 import numpy as np
-from planted import FAULTS, IHIP_FAULTS, Fault, Planted, Situation, as_logged, draw_situation, is_planted
+from planted_causes import FAULTS, IHIP_FAULTS, Fault, Planted, Situation, as_logged, draw_situation, is_planted
 
 from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 

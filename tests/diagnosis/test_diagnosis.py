@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from planted import FAULTS, IHIP_FAULTS, Planted, Situation, as_logged, draw_situation, is_planted
+from planted_causes import FAULTS, IHIP_FAULTS, Planted, Situation, as_logged, draw_situation, is_planted
 
 from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 

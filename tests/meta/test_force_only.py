@@ -45,7 +45,7 @@ def test_a_force_in_a_wrong_direction_is_stopped(make, check):
 
 
 def test_an_outage_is_called_by_its_name_and_no_dead_band():
-    assert "no force for" in verdicts(Interrupted)["force-magnitude"].finding.message
+    assert "the force is missing for" in verdicts(Interrupted)["force-magnitude"].finding.message
 
 
 def test_one_that_is_three_times_too_stiff_is_stopped():

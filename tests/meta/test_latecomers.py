@@ -151,7 +151,7 @@ def test_a_force_that_pulls_inwards_is_said_to_pull():
             return Response(ihip, -force)
 
     finding = finding_of("slide", "contact-normal-force", lambda scene: Pulling(scene, Spring(scene)))
-    assert "pulls inwards" in finding.message
+    assert "it pulls where it should push" in finding.message
 
 
 SQUARE = {"kind": "polygon", "vertices": [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]}
