@@ -20,7 +20,7 @@ from outsiders import Outsider
 from hapticeval.effects.friction import Friction
 from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
-from hapticeval.renderer import Response
+from hapticeval.renderer import Response, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import Affected
 from hapticeval.stimulus.paths import Loop, Points
@@ -236,9 +236,9 @@ class Composed:
     def __new__(cls, scene: Scene, *, backwards: bool = False) -> Any:
         if not scene.effects:
             return Spring(scene)
-        shown = Affected(Spring(scene), scene.effects[:: -1 if backwards else 1], scene)
-        shown.abilities = replace(shown.abilities, supports=cls.supports)
-        return shown
+        bare = wrapped(Spring(scene))
+        shown = Affected(bare, scene.effects[:: -1 if backwards else 1], scene)
+        return replace(bare, renderer=shown, supports=cls.supports)
 
 
 def _late(scene: Scene, make: Any, ticks: int) -> Any:

@@ -81,7 +81,7 @@ def claiming(texture):
             effect = scene.effect(StochasticTexture)
             self.inner = resolve("minimum-distance")(scene)
             if effect is not None:
-                self.inner = with_effects(self.inner, scene.with_effects(replace(effect, texture=texture)))
+                self.inner = with_effects(wrapped(self.inner), scene.with_effects(replace(effect, texture=texture)))
 
         def reset(self, hip):
             self.inner.reset(hip)
