@@ -72,7 +72,7 @@ def test_a_tangential_force_is_not_hidden_by_a_latency_that_changes_or_that_no_p
     finding = finding_of("slide", "contact-normal-force", lambda scene: mutant(scene, Spring(scene)))
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value > 4.0
-    assert " N) off every true normal" in finding.message
+    assert " degrees) off every true normal" in finding.message
 
 
 DIRECTION = ["slide", "unilateral-surfaces/sphere-pressed", "unilateral-surfaces/torus-press", "solids/l-block-notch"]
