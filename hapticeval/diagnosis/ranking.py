@@ -177,6 +177,8 @@ def _diagnose_force(
     deviation: Deviation, total: float, scale: float, floor: float, noise_power: float, encoder_power: float
 ) -> Diagnosis:
     """Say why a force is off, of which `total` (N^2) is not what is asked and `noise_power` is white."""
+    if total == 0.0:
+        return Diagnosis(False)
     causes = [cause for explain in EXPLAINERS for cause in explain(deviation)]
     samples = SAMPLES
     if deviation.noisy:
