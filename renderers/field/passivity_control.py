@@ -47,9 +47,6 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
     from hapticeval.types import Array
 
-FORWARDED = ("surface", "pieces", "resolution", "standoff", "supports", "contact", "observe_force")
-"""What the inner renderer says of its answers and needs for them."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class PassivityControlled:
@@ -77,7 +74,7 @@ class PassivityControlled:
         choices = choices_of(self.inner)
         return replace(self, inner=choices.with_knobs(**values)) if choices.with_knobs is not None else self
 
-    def __call__(self, scene: Scene) -> Controlled:
+    def __call__(self, scene: Scene) -> WrappedRenderer:
         """The renderer for a scene. Raises `RefusalError` for one that answers no hand tick by tick."""
         inner = wrapped(self.inner(scene))
         if not inner.steps:
@@ -86,7 +83,11 @@ class PassivityControlled:
                 why="there is no force a tick to observe",
                 todo="put +pc behind a renderer that has reset and step",
             )
-        return Controlled(inner)
+        promise = inner.declares
+        # A damper is no spring: what remains is whether there is a contact point, and how coarse answers are.
+        promise = promise and replace(promise, spring=None, stiffness_range=None, closed_form=None)
+        # The compiled step and the diagnostics are of the inner answers; all else holds of the changed ones too.
+        return replace(inner, renderer=Controlled(inner), declares=promise, law=None, has_diagnostics=False)
 
 
 def passivity_controlled(inner: RendererFactory) -> PassivityControlled:
@@ -100,14 +101,15 @@ class Controlled:
     def __init__(self, inner: WrappedRenderer) -> None:
         self.inner = inner
         self.energy = 0.0
-        promise = inner.declares
-        # a damper is no spring: what remains is whether there is a contact point, and how coarse answers are
-        self.declares = promise and replace(promise, spring=None, stiffness_range=None, closed_form=None)
 
-    def __getattr__(self, name: str) -> Any:
-        if name in FORWARDED:
-            return getattr(self.inner, name)
-        raise AttributeError(name)
+    @property
+    def contact(self) -> bool | None:
+        """Whether the last step was in contact, as the inner renderer reports it; asked where it does."""
+        return self.inner.contact
+
+    def observe_force(self, push: Array) -> None:
+        """Hand the hand's measured force (N,), N, on; asked where the inner renderer observes it."""
+        self.inner.observe_force(push)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: nothing is stored."""

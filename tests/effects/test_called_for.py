@@ -20,6 +20,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.laws import LAW, LawData, law_value
+from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer, with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -78,10 +79,10 @@ def experiment():
 def test_without_effects_the_renderer_is_the_one_that_its_factory_made(name):
     """So is its law, and what the kernel is given; the answers are the same bits."""
     scene = Scene(model=make_model("circle"), damping=5.0, device=Parallelogram2())
-    base = resolve(name)(scene)
+    base = wrapped(resolve(name)(scene))
     assert with_effects(base, scene) is base
     found = make_renderer(resolve(name), scene)
-    assert type(found) is type(base)
+    assert type(found.renderer) is type(base.renderer)
     assert found.law.function is base.law.function
     assert type(found.law.data) is LawData
     assert law_value(found.law.function, found.law.data).type == FunctionType(LAW)

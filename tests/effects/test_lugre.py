@@ -103,9 +103,8 @@ def test_bristles_turn_with_the_surface():
     angle = np.linspace(0.0, 1.0, 2000)
     tilt = np.array([[1.0, 0.0], [0.0, 0.6], [0.0, 0.8]])
     hips = np.column_stack([np.cos(angle), np.sin(angle)]) @ tilt.T * np.r_[0.101, np.full(1999, 0.098)][:, np.newaxis]
-    _, forces = led(
-        make_renderer(resolve("minimum-distance"), Scene(model=make_model("sphere"), effects=(law,))), hips, 1e-3
-    )
+    scene = Scene(model=make_model("sphere"), effects=(law,))
+    _, forces = led_along(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3)
     way = (np.column_stack([-np.sin(angle), np.cos(angle)]) @ tilt.T)[1000]
     speed = 0.098 * (angle[1] - angle[0]) / 1e-3
     asked = 2.0 * float(law.limit(speed)) + speed

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.renderer import Response
-from hapticeval.renderers.field.passivity_control import Controlled
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
@@ -70,7 +69,8 @@ def test_a_standoff_that_is_believed_in_part_is_said_so():
 
 def endowed(scene):
     """A passivity controller that begins with a joule which no hand has put in."""
-    controlled = Controlled(resolve("conformal")(scene))
+    renderer = resolve("conformal+pc")(scene)
+    controlled = renderer.renderer
     reset = controlled.reset
 
     def reset_with_gift(hip):
@@ -78,7 +78,7 @@ def endowed(scene):
         controlled.energy = 1.0
 
     controlled.reset = reset_with_gift
-    return controlled
+    return renderer
 
 
 @pytest.mark.parametrize(

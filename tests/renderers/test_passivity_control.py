@@ -7,11 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.discovery import known_modifiers, resolve
+from hapticeval.effects.sensors import ForceSensor
 from hapticeval.errors import RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Declaration, Response, choices_of, configured, wrapped
 from hapticeval.renderers.field.passivity_control import passivity_controlled
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import make_renderer
 
 
 class Whatever:
@@ -94,9 +96,11 @@ def test_a_name_puts_it_around_any_renderer_and_what_that_says_stays():
     assert set(known_modifiers()) == {"pc"}
     controlled = resolve("constraint+pp-v+pc@curve")(Scene(model=circle()))
     plain = resolve("constraint+pp-v@curve")(Scene(model=circle()))
-    assert controlled.inner.regulation.name == "pp-v"
-    assert wrapped(controlled).surface is controlled.inner.surface
-    assert wrapped(controlled).resolution == wrapped(plain).resolution
+    inner = controlled.renderer.inner
+    assert inner.renderer.regulation.name == "pp-v"
+    assert controlled.surface is inner.surface
+    assert controlled.resolution == wrapped(plain).resolution
+    assert controlled.law is None
     assert choices_of(resolve("coupled+pc")).supports == choices_of(resolve("coupled")).supports
     assert "passivity controller" in choices_of(resolve("mapping+pc")).summary
     small = configured(resolve("virtual-proxy+pc"), {"radius": 1e-4}, name="virtual-proxy+pc")(Scene(model=circle()))
@@ -107,6 +111,28 @@ def test_a_promise_of_a_spring_is_taken_back_and_the_others_stay():
     controlled = passivity_controlled(lambda scene: Whatever([]))(Scene(model=circle()))
     assert controlled.declares == Declaration(force_resolution=1e-3)
     assert controlled.standoff == 1e-4
+
+
+class Feels(Whatever):
+    """Asks for the hand's force, and reports a contact where that pushes."""
+
+    contact = False
+
+    def observe_force(self, push):
+        self.contact = bool(push.any())
+
+
+def test_it_feels_and_reports_a_contact_where_the_inner_renderer_does():
+    scene = Scene(model=circle(), effects=(ForceSensor(),))
+    silent = make_renderer(passivity_controlled(lambda scene: Whatever([])), Scene(model=circle()))
+    assert not silent.observes_force
+    assert not silent.reports_contact
+    with pytest.raises(RefusalError):
+        make_renderer(passivity_controlled(lambda scene: Whatever([])), scene)
+    feeling = make_renderer(passivity_controlled(lambda scene: Feels([])), scene)
+    assert feeling.contact is False
+    feeling.observe_force(np.array([0.0, 1.0]))
+    assert feeling.contact is True
 
 
 def test_a_tool_with_physics_of_its_own_and_an_unknown_modifier_are_refused(refused):

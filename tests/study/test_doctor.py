@@ -241,8 +241,6 @@ def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("Three", "run() answered shapes [("),
-        ("Short", "run() answered shapes [("),
         ("Property", "raised KeyError: 'no such flag'; in patients.py, line"),
         ("Takes", "it is called as step(hip, velocity, dt)"),
     ],
