@@ -174,6 +174,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (recordings.inspect, recordings.INSPECT_CODES, "Examine a recording: clock, channels, units, physics."),
             (judging.replay, judging.REPLAY_CODES, "Lead renderers along a recorded hand path."),
             (recordings.view, recordings.VIEW_CODES, "Show a recording in a page, with a slider over time."),
+            (recordings.compare, recordings.COMPARE_CODES, "Put two recordings side by side."),
             (recordings.convert, recordings.CONVERT_CODES, "Convert foreign files, journals and recordings."),
         ),
         "Beside these": (

@@ -1,9 +1,10 @@
-"""The commands that read recordings: inspect, convert, view."""
+"""The commands that read recordings: inspect, convert, view, compare."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,12 +28,17 @@ from hapticeval.commands.arguments import (
 from hapticeval.commands.terminal import lines, paragraphs, say, wrote_lines
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
+from hapticeval.quantity import format_quantity
 from hapticeval.recordings.memory import DEFAULT_LIMIT
+from hapticeval.table import Table as WordTable
 
 if TYPE_CHECKING:
+    from hapticeval.geometry.curve import Curve
     from hapticeval.recordings.formats import Table
     from hapticeval.recordings.integrity.consistency import ConsistencyTest
+    from hapticeval.recordings.overlay import Overlay
     from hapticeval.recordings.recording import Recording
+    from hapticeval.runner.results import VerdictEntry
 
 
 INSPECT_CODES = """\b
@@ -305,4 +311,120 @@ def view(
                 f"wrote {page}",
             ]
         )
+    )
+
+
+CHANNEL_WORDS = {"hip": "hand", "ihip": "tool", "force": "force"}
+"""What the channels are called."""
+
+COMPARE_CODES = """\b
+Exit codes:
+  0  compared, however far apart they are
+  2  wrong usage or input: the message says what, why, and what to do
+"""
+
+
+def compare(
+    first: Annotated[Path, argument(metavar="A", help="A recording, or a foreign file.")],
+    second: Annotated[Path, argument(metavar="B", help="Another one.")],
+    over: Annotated[
+        str, typer.Option("--over", metavar="time|way", help="Over time, or over the way along the surface.")
+    ] = "time",
+    model: TouchedModel = None,
+    scene: SceneEntries = None,
+    mapping: MappingFile = None,
+    memory_limit: MemoryLimit = DEFAULT_LIMIT,
+    output: Annotated[
+        Path | None, option("-o", "--output", metavar="FILE", help="Draw both into it: .svg, .pdf or .png.")
+    ] = None,
+) -> None:
+    """Put two recordings side by side: path, force, contact, how far apart they are and where, and their verdicts.
+
+    Over time each counts from its own zero. Over the way along the surface it is the first pass of each, so that hands
+    of different speed can be compared. A delay or a gain that explains a difference is named. Verdicts are those of
+    replay.
+
+    \b
+    Examples:
+      hapticeval compare run6.h5 run7.h5
+      hapticeval compare run6.h5 run7.h5 --over way -o both.svg
+      hapticeval compare a.csv b.csv --mapping rig.toml --model circle:size=0.2 --scene stiffness=1000
+    """
+    from hapticeval.commands.paper import FIGURE_ENDINGS
+    from hapticeval.recordings.importing.convert import is_ours
+    from hapticeval.recordings.overlay import overlay
+    from hapticeval.replay.viewing import view_recording
+    from hapticeval.reports.overlay_figure import write_overlay
+
+    if over not in ("time", "way"):
+        raise InputError(f"--over {over}", why="it is none of time, way", todo="write --over time or --over way")
+    if output is not None and output.suffix not in FIGURE_ENDINGS:
+        why = f"a figure is {', '.join(FIGURE_ENDINGS)}"
+        raise InputError(f"-o {output}", why=why, todo="name a file with such an ending")
+    files = (first, second)
+    recordings = [load_within(memory_limit, file, None if is_ours(file) else mapping, None) for file in files]
+    laid = overlay(recordings[0], recordings[1], curve=_shared_curve(recordings, model) if over == "way" else None)
+    titles = [str(file) for file in files] if first.stem == second.stem else [file.stem for file in files]
+    models = [None if model is None else _touched_model(recording, model) for recording in recordings]
+    judged = [
+        view_recording(file, recording, scene=scene or (), model=None if touched is None else touched.table)
+        for file, recording, touched in zip(files, recordings, models, strict=True)
+        if "hip" in recording.channels
+    ]
+    verdicts = [{verdict.check: verdict for verdict in run.verdicts} for run in judged]
+    rows = [
+        [check, *(_verdict_words(of_run.get(check)) for of_run in verdicts)]
+        for check in dict.fromkeys(check for of_run in verdicts for check in of_run)
+        if any(check in of_run and of_run[check].outcome != "not-applicable" for of_run in verdicts)
+    ]
+    table = WordTable("verdicts", ("verdict", *titles), rows).markdown if rows and len(judged) == len(titles) else ""
+    reasons = [f"{run.entry.title}: {run.unjudged}" for run in judged if run.unjudged]
+    written = [] if output is None else write_overlay(output, laid, titles)
+    say(paragraphs(_overlay_words(laid, titles), table, lines(reasons), wrote_lines(written)))
+
+
+def _verdict_words(verdict: VerdictEntry | None) -> str:
+    """Return the outcome, with the number that decided it."""
+    if verdict is None or verdict.metric is None or verdict.metric.value is None:
+        return "-" if verdict is None else str(verdict.outcome)
+    return f"{verdict.outcome}, {format_quantity(verdict.metric.value, verdict.metric.unit)}"
+
+
+def _shared_curve(recordings: Sequence[Recording], model: str | None) -> Curve:
+    """Return the curve that both follow. Raises `InputError` where none is known, or they do not follow the same."""
+    first, second = (_touched_model(recording, model) for recording in recordings)
+    dimensions = {recording.dimension for recording in recordings}
+    if first is None or second is None or first.table != second.table or {first.dimension, *dimensions} != {2}:
+        names = ["no model" if one is None else f"'{one.name}'" for one in (first, second)]
+        raise InputError(
+            "the two recordings do not follow the same curve of the plane",
+            why=f"a way goes along one of them; the first names {names[0]}, the second {names[1]}",
+            todo="name that of both, as in --model circle:size=0.2; or compare over time",
+        )
+    curve: Curve = first.curve
+    return curve
+
+
+def _overlay_words(laid: Overlay, titles: Sequence[str]) -> str:
+    """Return a table of what is apart, in mm and N, and sentences on delay, gain and contact."""
+    compared = laid.along[laid.rows]
+    scale, unit = (1e3, "mm") if laid.on_surface else (1.0, "s")
+    span = f"{scale * compared[0]:.4g} to {scale * compared[-1]:.4g} {unit}{' of way' * laid.on_surface}"
+    rows, sentences = [], []
+    for name, gap in laid.gaps.items():
+        of = "N" if name == "force" else "m"
+        sizes = [format_quantity(size, of) for size in (gap.rms, gap.largest)]
+        hand = "-" if gap.hip is None else ", ".join(f"{1e3 * place:.4g}" for place in gap.hip)
+        rows.append([CHANNEL_WORDS[name], *sizes, f"{scale * gap.place:.4g} {unit}", hand])
+        late = "" if gap.delay is None else f"{1e3 * abs(gap.delay):.4g} ms {'late' if gap.delay > 0.0 else 'early'}"
+        causes = [late, "" if gap.gain is None else f"{gap.gain:.4g} times as large"]
+        if any(causes):
+            left = f"{format_quantity(gap.left, of)} rms is left"
+            sentences.append(f"{CHANNEL_WORDS[name]}: {titles[1]} is {' and '.join(filter(None, causes))}; {left}")
+    if laid.touches is not None:
+        share = ((laid.touches[0] != laid.touches[1])[laid.rows]).mean()
+        sentences.append(f"contact: one touches where the other does not in {100.0 * share:.3g} % of the rows")
+    table = WordTable("apart", ("apart", "rms", "largest", "at", "hand (mm)"), rows)
+    return paragraphs(
+        f"{titles[1]} against {titles[0]}: {compared.size} rows, {span}", table.markdown, lines(sentences)
     )
