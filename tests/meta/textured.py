@@ -107,7 +107,8 @@ class Deaf(Textured):
             places = ((0.0, 0.0), (1.0, 0.0), (0.0, 10.0))
             same = tuple(structs.replace(one, speed=speed, force=force) for speed, force in places)
             texture = structs.replace(effect.model, filters=same, triangles=())
-            self.right = with_effects(self.bare, scene.with_effects(replace(effect, texture=texture)))
+            inner = wrapped(resolve("minimum-distance")(scene))
+            self.right = with_effects(inner, scene.with_effects(replace(effect, texture=texture)))
 
 
 def _late(ticks: int, scene: Scene) -> Textured:
