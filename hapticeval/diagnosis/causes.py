@@ -311,6 +311,15 @@ def _drag_into_a_notch(deviation: Deviation) -> Iterator[Cause]:
     yield Cause("drag", words, deviation.left_by(deviation.asked - damper * slide), 1.2, {"drag": [damper]})
 
 
+def signed_axes(dimension: int) -> list[Array]:
+    """Return the matrices (N, N) that swap or mirror N axes; the first leaves them as they are."""
+    return [
+        np.diag(signs) @ np.eye(dimension)[list(order)]
+        for order in permutations(range(dimension))
+        for signs in product((1.0, -1.0), repeat=dimension)
+    ]
+
+
 def matrices(deviation: Deviation) -> Iterator[Cause]:
     """Yield other axes, other signs, a turned frame, a gain of each axis, and crosstalk: a matrix on what is asked."""
     force, asked = deviation.force, deviation.asked
@@ -325,12 +334,7 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
     def exactly(matrix: Array) -> float:
         return deviation.left_by(asked @ matrix.T)
 
-    signed = [
-        np.diag(signs) @ np.eye(dimension)[list(order)]
-        for order in permutations(range(dimension))
-        for signs in product((1.0, -1.0), repeat=dimension)
-    ]
-    best = min((matrix for matrix in signed if abs(np.trace(matrix)) < dimension - 0.5), key=left_by)
+    best = min((matrix for matrix in signed_axes(dimension) if abs(np.trace(matrix)) < dimension - 0.5), key=left_by)
     axes = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in best]
     words = f"its axes are swapped or mirrored: ({', '.join(names[:dimension])}) of the force are ({', '.join(axes)})"
     yield Cause("axes", words, exactly(best), 0.9, {"axes": axes})

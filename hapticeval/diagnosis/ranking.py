@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import permutations, product
 
 import numpy as np
 
-from hapticeval.diagnosis.causes import EXPLAINERS, MISTAKEN_UNITS, Cause, Deviation
+from hapticeval.diagnosis.causes import EXPLAINERS, MISTAKEN_UNITS, Cause, Deviation, signed_axes
 from hapticeval.diagnosis.contact import RightContact, right_contact
 from hapticeval.diagnosis.fits import power, rounding_variance, white_noise
 from hapticeval.diagnosis.tool import tool_causes
@@ -134,12 +133,10 @@ def diagnose(
     total = power(force - asked)
     force_is_right = not noisy and total <= 4.0 * floor
     tool = None if ihip is None else _diagnose_tool(contact, ihip, tolerance)
-    if ihip is not None and tool is not None:
-        follows = power(force - _spring_to(ihip, contact)) <= 4.0 * floor
-        if follows and not force_is_right:
-            return tool  # the force is that of a spring to this contact point
-        if force_is_right:
-            return tool
+    # The force is right in spite of the contact point, or that of a spring to it.
+    follows = ihip is not None and power(force - _spring_to(ihip, contact)) <= 4.0 * floor
+    if tool is not None and (force_is_right or follows):
+        return tool
     if force_is_right:
         return Diagnosis(False)
     found = _diagnose_force(
@@ -261,12 +258,7 @@ def _moved_hand(contact: RightContact, force: Array, boundary: Boundary | None) 
         (factor * np.eye(dimension), f"the unit of the positions is wrong ({name})")
         for name, factor in MISTAKEN_UNITS.items()
     ]
-    signed = [
-        np.diag(signs) @ np.eye(dimension)[list(order)]
-        for order in permutations(range(dimension))
-        for signs in product((1.0, -1.0), repeat=dimension)
-    ]
-    axes = [(matrix, "axes of the positions are swapped or mirrored") for matrix in signed[1:]]
+    axes = [(matrix, "axes of the positions are swapped or mirrored") for matrix in signed_axes(dimension)[1:]]
     best: tuple[float, Array, str] | None = None
     for matrix, words in (*units, *axes):
         moved = hip @ matrix.T
