@@ -63,6 +63,10 @@ PARENT_CHECK_PERIOD = 1.0
 """Seconds between two looks of a process at whether its parent is still there."""
 
 
+FORKS = hasattr(os, "fork")
+"""Whether the system can copy a process, which Windows cannot."""
+
+
 def cores() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -71,9 +75,9 @@ def cores() -> int:
 def default_workers() -> int:
     """Return how many processes share the work where nobody says it: one for each processor.
 
-    None where the system cannot copy a process, as Windows: this one then does the work.
+    None where the system cannot copy a process: this one then does the work.
     """
-    return cores() if hasattr(os, "fork") else 0
+    return cores() if FORKS else 0
 
 
 def _processor_wait(worker: _Worker) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import shlex
 import sys
 import time
@@ -15,6 +14,7 @@ from hapticeval.discovery import ADAPTERS, known_renderers, parse, see_current_d
 from hapticeval.errors import HapticevalError, printable
 from hapticeval.quantity import plural
 from hapticeval.runner.interrupts import Interrupts
+from hapticeval.workers import FORKS
 
 FILES_LOOK_SECONDS = 0.2
 """Seconds between two looks at the files."""
@@ -25,7 +25,7 @@ def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> i
 
     The process that calls it is a copy of this one, made before anything of the renderer is imported here.
     """
-    if not hasattr(os, "fork"):
+    if not FORKS:
         raise HapticevalError(
             "--watch runs on Linux and macOS alone", why="it copies its process", todo="run the command again by hand"
         )

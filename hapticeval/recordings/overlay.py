@@ -34,7 +34,7 @@ SAME = 1e-6
 """Share of a channel's size below which a difference is rounding, and is not explained."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gap:
     """How far two runs are apart in one channel, root mean square and largest, m or N.
 
@@ -52,7 +52,7 @@ class Gap:
     left: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Overlay:
     """Two runs at the same places: `along` (n,), s or, with `on_surface`, m of way; their channels (n, N) there.
 
@@ -67,7 +67,7 @@ class Overlay:
     gaps: Mapping[str, Gap]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Track:
     """Rows of a recording, increasing `along` (k,), s or m; steps up to `longest` are bridged."""
 

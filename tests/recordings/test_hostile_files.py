@@ -262,8 +262,11 @@ def test_groups_within_groups_have_an_end(refused, tmp_path):
     assert list(read_table(path).columns) == ["t"]
 
 
-def test_structures_within_structures_do_not_end_the_process(refused, tmp_path):
-    """scipy reads them by recursion in C: five thousand cells in each other, 280 kB, were a segmentation fault."""
+def test_structures_within_structures_do_not_end_the_process(tmp_path):
+    """scipy reads them by recursion in C: five thousand cells in each other, 280 kB, were a segmentation fault.
+
+    How deep it comes before that is a matter of the stack, so that the text of the error is not the same everywhere.
+    """
 
     def element(kind, data):
         return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
@@ -274,7 +277,7 @@ def test_structures_within_structures_do_not_end_the_process(refused, tmp_path):
         body = element(14, flags + body)
     path = tmp_path / "deep.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + b"\x00\x01IM" + body)
-    with refused(InputError):
+    with pytest.raises(InputError, match="cut short or damaged"):
         read_table(path)
     shallow = {"a": {"b": {"c": np.arange(20.0)}}}
     savemat(path, shallow)

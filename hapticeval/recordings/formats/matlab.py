@@ -27,7 +27,7 @@ from hapticeval.recordings.formats import (
 )
 from hapticeval.recordings.formats.arrays import Arrays, check_nesting, opened, plain_value
 from hapticeval.recordings.memory import reserve
-from hapticeval.workers import ProcessEnded, Workers, default_workers
+from hapticeval.workers import FORKS, ProcessEnded, Workers
 
 MOST_PARAMETERS = 9
 """A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
@@ -116,7 +116,7 @@ def read_matlab5(path: Path) -> Table:
     Raises `InputError` where the file is cut short, or scipy cannot read it: one wrong byte may end its process.
     """
     _reserve_variables(path)
-    with Workers(_load_matlab5, min(1, default_workers())) as workers:
+    with Workers(_load_matlab5, int(FORKS)) as workers:
         workers.begin(0, path)
         ((_, variables, error),) = workers.answers()
     if isinstance(error, HapticevalError):
