@@ -21,7 +21,8 @@ damper or another effect adds along the surface does not.
 - Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). Its way is the chord from s to p,
   bent over an edge or into a hollow (`friction_kernels.bulge_path`), and projected on to the surface. A corner stops it
   where it is pulled back from the other side. Where the renderer's own force leaves the cone at p, as that of a facet
-  may, it goes on past p.
+  may, it goes on past p. Where the hand pulls the tool the other way, as when the renderer's point has jumped past a
+  tip, it slides back on its own side.
 - A tool that slides goes on doing so while |F_t| > mu_k |F_n|, and sticks again at |F_t| <= `stick` mu_k |F_n|.
 
 The thesis gives no rule for the last. Its text, taken literally, tests the static cone at every tick: that is `stick` =

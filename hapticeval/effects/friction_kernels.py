@@ -14,19 +14,21 @@ CONE = record_type("stiffness", "mu_s", "mu_k", "stick", "bilateral")
 """`params`: K (N/m), both coefficients, the share of the kinetic cone at which a sliding tool sticks, and 1 where the
 surface is bilateral."""
 
-FRICTION_ROWS = 10
-"""Rows of `state`: place (m) and outward unit normal of the tool, of p, and of a trial place, two each; then the
-pressing force (N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m) of the path."""
+FRICTION_ROWS = 12
+"""Rows of `state`: place (m) and outward unit normal of the tool, of p, of a trial place, and of the end of a slide,
+two each; then the pressing force (N), a point to be projected (m), the flags [in contact, sliding], and the bulge (m)
+of the path."""
 
 MOST_SLIDE_TRIALS, MOST_SECANTS = 64, 16
 """Most places at which a slide tests the kinetic cone, and the trial from which on it bisects instead of secants."""
 
-AT_TOOL, AT_TARGET, BEYOND_TARGET = range(3)
-"""The first trials of a slide: the tool's place s, then p, then, where the root is not between them, a place past p."""
+AT_TOOL, AT_END, BEYOND_END = range(3)
+"""The first trials of a slide: the tool's place s, then its end, p or a place the other way, then a place past that."""
 
 BEYOND_LAGS = 2.0
-"""How far past p that place is: so many times the lag at which the spring makes the renderer's own force along the
-surface at p. *Chosen*: where the force leaves the cone there too, the tool stays at p."""
+"""How far past the end that place is, and how far from s the end is where the hand pulls the tool away from p: so many
+times the lag at which the spring makes the force along the surface. *Chosen*: where the force leaves the cone there
+too, the tool stays at the end."""
 
 SAME_PLACE = 1e-15
 """Width of the bracket, as a share of the chord from s to p, at which it is one place: a corner, where the pull turns
@@ -95,13 +97,13 @@ def bulge_path(tool: Array, target: Array, chord_squared: float, bulge: Array) -
 
 @inner
 def force_at(
-    place: Array, tool: Array, target: Array, pressing_force: Array, stiffness: float, outward_sign: float
+    place: Array, tool: Array, end: Array, target: Array, pressing_force: Array, stiffness: float, outward_sign: float
 ) -> tuple[float, float, bool]:
-    """Return F_n and F_t (N) on the tool at a `place`, and whether the hand pulls it onwards there.
+    """Return F_n and F_t (N) on the tool at a `place`, and whether the hand pulls it onwards there, to the `end`.
 
-    `place`, `tool` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, and of p. The force is
-    `pressing_force` (N,), N, plus K (place - p), K the `stiffness` (N/m). `outward_sign` is -1 where F_n
-    counts inwards.
+    `place`, `tool`, `end` and `target` (2, N) are places (m) and outward unit normals: on trial, of s, of the end of
+    the slide, and of p. The force is `pressing_force` (N,), N, plus K (place - p), K the `stiffness` (N/m).
+    `outward_sign` is -1 where F_n counts inwards.
     """
     normal_force, tangential_squared, pull_onwards = 0.0, 0.0, 0.0
     for i in range(pressing_force.shape[0]):  # (4.17): its part along the normal
@@ -110,7 +112,7 @@ def force_at(
         tangential = pressing_force[i] + stiffness * (place[0, i] - target[0, i]) - normal_force * place[1, i]
         tangential_squared += tangential**2
         # the hand pulls the tool against the force that it feels: onwards along the chord where this is positive
-        pull_onwards -= tangential * (target[0, i] - tool[0, i])
+        pull_onwards -= tangential * (end[0, i] - tool[0, i])
     return outward_sign * normal_force, math.sqrt(tangential_squared), pull_onwards > 0.0
 
 
@@ -140,7 +142,7 @@ def slide(
     """
     cone, state, dimension = as_record(data.params, CONE), data.state, hip.shape[0]
     # each is two rows: a place on the surface (m), and the outward unit normal there
-    tool, target, trial = state[0:2], state[2:4], state[4:6]
+    tool, target, trial, end = state[0:2], state[2:4], state[4:6], state[10:12]
     # mode: whether there is contact, and whether the tool slides
     pressing_force, point, mode, bulge = state[6], state[7], state[8], state[9]
     force_squared, chord_squared = 0.0, 0.0  # |F_b|^2, N^2; |p - s|^2, m^2
@@ -162,28 +164,29 @@ def slide(
         mode[0], mode[1] = 1.0, 0.0
         return 0
     bulge_path(tool, target, chord_squared, bulge)
+    end[:] = target
 
     # The share of the path at which the excess |F_t| - mu_k F_n (4.20) is zero: above it at `low`, below it at `high`.
     # Secants (Illinois) follow the first trials, and bisection if these are slow.
     low, high, excess_low, excess_high = 0.0, 1.0, 0.0, 0.0
-    share, side_kept, past_target = 0.0, 0, False
+    share, side_kept, past_end = 0.0, 0, False
     for k in range(MOST_SLIDE_TRIALS):
         if k == AT_TOOL:
             trial[:] = tool
-        elif k == AT_TARGET:
+        elif k == AT_END:
             share = 1.0
-            trial[:] = target
+            trial[:] = end
         else:
-            if k == BEYOND_TARGET and past_target:
+            if k == BEYOND_END and past_end:
                 share = high
             else:
                 # where the line through both ends' excesses is zero
                 share = low + (high - low) * (excess_low / (excess_low - excess_high) if k < MOST_SECANTS else 0.5)
             for i in range(dimension):
-                point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
+                point[i] = tool[0, i] + share * (end[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
             closest.function(closest.data, point, trial)
         normal_force, tangential_force, onwards = force_at(
-            trial, tool, target, pressing_force, cone.stiffness, outward_sign
+            trial, tool, end, target, pressing_force, cone.stiffness, outward_sign
         )
         if k == AT_TOOL:
             # (4.18): a tool inside the static cone stays, and so does a sliding one inside the kinetic cone
@@ -191,17 +194,30 @@ def slide(
             if normal_force > 0.0 and tangential_force <= coefficient * normal_force:
                 break
             mode[1] = 1.0
+            if normal_force > 0.0 and not onwards:
+                # The hand pulls the tool away from p, which the renderer has beyond a tip: it slides back that way.
+                for i in range(dimension):  # -F_t / K is the way at whose end nothing pulls
+                    pull = (target[0, i] - tool[0, i]) - (
+                        pressing_force[i] - outward_sign * normal_force * tool[1, i]
+                    ) / cone.stiffness
+                    point[i] = tool[0, i] + BEYOND_LAGS * pull
+                closest.function(closest.data, point, end)
+                chord_squared = 0.0
+                for i in range(dimension):
+                    chord_squared += (end[0, i] - tool[0, i]) ** 2
+                bulge_path(tool, end, chord_squared, bulge)
+                onwards = True
         excess = excess_of(normal_force, tangential_force, onwards, cone.mu_k, press)
         if abs(excess) <= ON_CONE * cone.mu_k * normal_force:
             break
         if excess > 0.0:
-            if k == BEYOND_TARGET and past_target:  # not even there does the force come back into the cone: stay at p
-                trial[:] = target
+            if k == BEYOND_END and past_end:  # not even there does the force come back into the cone: stay at the end
+                trial[:] = end
                 break
-            if k == AT_TARGET:
+            if k == AT_END:
                 # At p the lag is zero, and the renderer's own force is off the normal by more than the cone, as that of
                 # a facet may be. The root is past p: try where K |s - p| is BEYOND_LAGS times that force.
-                past_target = True
+                past_end = True
                 high = 1.0 + BEYOND_LAGS * tangential_force / (cone.stiffness * math.sqrt(chord_squared))
         low, high, excess_low, excess_high, side_kept = narrow_bracket(
             low, high, excess_low, excess_high, side_kept, share, excess, True

@@ -153,8 +153,10 @@ FRICTIONS = st.builds(
 @pytest.mark.parametrize("kind", ["circle", "ellipse", "star", "sphere", "torus"])
 @settings(max_examples=25)
 @given(friction=FRICTIONS, seed=SEEDS)
-# mu_k F_n is some thousand roundings of the force that it is a part of
+# mu_k F_n is a billionth of the force that it is a part of
 @example(friction=Friction(mu_s=1.0, mu_k=1.18e-9, stick=0.3), seed=33)
+# on the star the nearest point jumps past a tip, and the hand pulls the tool away from it
+@example(friction=Friction(mu_s=0.05, mu_k=0.02, stick=0.3), seed=14)
 # and nothing at all, and a number that is none when it is multiplied
 @example(friction=Friction(mu_s=1.0, mu_k=0.0, stick=0.3), seed=33)
 @example(friction=Friction(mu_s=1.0, mu_k=1e-320, stick=0.3), seed=33)
