@@ -449,6 +449,7 @@ class Choices:
     - `regulations` and `representations`: names that `variant(*, regulation, representation)` takes.
     - `representation`: the one that it has.
     - `knobs`: what can be set finer or coarser, by `with_knobs(**values)`.
+    - `reference`: the same computed another way, a factory with one knob of three values: errors count from it.
     """
 
     summary: str = ""
@@ -459,6 +460,7 @@ class Choices:
     representation: str | None = None
     knobs: Mapping[str, Knob]
     with_knobs: Callable[..., RendererFactory] | None = None
+    reference: RendererFactory | None = None
 
 
 def choices_of(factory: object) -> Choices:

@@ -8,6 +8,7 @@ are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `c
 from hapticeval.renderers.family import (
     CELL_KNOB,
     FLOW_KNOBS,
+    FRONT_KNOB,
     GRID_KNOB,
     NODES_KNOB,
     VERTICES_KNOB,
@@ -60,6 +61,8 @@ mapping = ProjectiveFamily(
     regulation="transversal",
     refused="the flow is that of the exact boundary",
     offered_knobs={"curve": FLOW_KNOBS, "lut": {"cell": CELL_KNOB}},
+    independent="disk:by_tracked_front",
+    independent_knobs={"nodes": FRONT_KNOB},
 )
 """The mapping renderer."""
 

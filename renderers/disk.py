@@ -23,6 +23,7 @@ from hapticeval.renderers.maps import conformal_kernels
 from hapticeval.renderers.maps import flow_map as flow
 from hapticeval.renderers.maps.conformal import ConformalMap, conformal_map
 from hapticeval.renderers.maps.flow import FlowSettings
+from hapticeval.renderers.maps.front import track_front
 from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.outline import Outline, Representation, frame, nearest_on, outline_in, outline_of
 from hapticeval.renderers.projective import Projection, once
@@ -138,6 +139,10 @@ LINE_GAP = 1e-6
 """Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
 
 
+FRONT_NODES = 800
+"""Nodes of a tracked front."""
+
+
 def by_flow_map(
     scene: Scene,
     representation: str,
@@ -160,6 +165,18 @@ def by_flow_map(
     lines, levels = (None if count is None else int(count) for count in (lines, levels))
     disk_map = flow.flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
     curve = scene.model.curve
+    return DiskProjection(through_flow, disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.spacing)
+
+
+def by_tracked_front(scene: Scene, representation: str, *, nodes: float = FRONT_NODES) -> Projection:
+    """Return the projection of `by_flow_map` with the flow by points on its front: what errors of that count from.
+
+    Raises as `by_flow_map` does.
+    """
+    if not scene.model.curve.closed:
+        return nearest(scene, representation)
+    curve = scene.model.curve
+    disk_map = flow.FlowMap(curve, flow.build_chart(scene.model, track_front(scene.model, int(nodes))))
     return DiskProjection(through_flow, disk_map, curve, bilateral=scene.bilateral, resolution=disk_map.spacing)
 
 

@@ -50,6 +50,14 @@ CELL_KNOB = Knob(
     meaning="side of a cell of the look-up table",
 )
 
+FRONT_KNOB = Knob(
+    values=(400, 800, 1600),
+    quick=(200, 400, 800),
+    unit="",
+    meaning="nodes of a front that is followed by points, without a grid",
+)
+"""Each value is twice the one before it: what is left of the error is told by that (Richardson)."""
+
 FLOW_KNOBS = {
     "cells": Knob(
         values=(50, 100, 150, 200, 300),
@@ -93,6 +101,7 @@ class ProjectiveFamily:
     - `bends`: whether the projection knows the curvature where it projects to on the exact curve, for schemes that need
       it; `potential`: whether it has one for `gradient`; `space`: whether there is a form for models in space too.
     - `offered_knobs`: the knobs of each representation, and `settings` those that are set.
+    - `independent`: module:function of the same projection computed another way, which has `independent_knobs`.
 
     A model of straight edges is its own polygon, and so is a mesh: there polygon and curve coincide. The line is
     unbounded and has no finite polygon or grid: there every representation means the exact line.
@@ -109,6 +118,21 @@ class ProjectiveFamily:
     space: bool = False
     offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
+    independent: str = ""
+    independent_knobs: Mapping[str, Knob] = field(default_factory=dict)
+
+    @property
+    def reference(self) -> ProjectiveFamily | None:
+        """The same projection, computed another way: what errors count from; None where there is none."""
+        if not self.independent:
+            return None
+        return replace(
+            self,
+            project=self.independent,
+            offered_knobs={self.representation: self.independent_knobs},
+            settings={},
+            independent="",
+        )
 
     @property
     def regulations(self) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """How far a renderer's answers are from a reference's: IHIP, direction of the force, and the force itself.
 
 All renderers are asked at the same hand positions, which follow from the geometry alone. The reference is the
-renderer's own projection on the exact curve, or else its finest setting, as far as that has converged.
+renderer's own projection on the exact curve, the same computed another way, or else its finest setting, as far as these
+have converged.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import HapticevalError, InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.mesh import Mesh
@@ -39,6 +40,7 @@ JUMP_CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
 REFERENCE_AGREEMENT = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
 LEAST_ERROR_SHARE = 1e-10  # errors below this share of a model's size are rounding, or of `fresh_scene`
+SLOWEST_GAIN, SECOND_ORDER_GAIN = 0.1, 3.0  # r - 1 of refinements by two: believed at the least, and h^2
 STATISTICS = ("rms", "p99", "max")
 
 PLANE_PATHS: Mapping[str, Mapping[str, Any]] = {
@@ -222,7 +224,9 @@ def _summary(values: Array) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The answers that errors count from; `disagreement` is how far the last refinement moved them, None if exact.
+    """The answers that errors count from; `disagreement` is how far they may be off, None if exact.
+
+    That is how far the last refinement moved them, or where they are `extrapolated` what that leaves by Richardson.
 
     `what` says what it is to the renderer that is measured, `source` names it for all: renderers of one source share a
     reference.
@@ -232,6 +236,7 @@ class Reference:
     source: str
     answers: Answers
     disagreement: Errors | None
+    extrapolated: bool = False
 
     def claims(self, measured: Errors) -> Errors:
         """Return the errors that can be claimed: none smaller than ten times the reference's own disagreement."""
@@ -271,12 +276,15 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     """Build the reference of a renderer on a workload; None for one that has neither an exact form nor a knob.
 
     With knobs the finest setting is the reference, and the one before it shows how far that has converged: see
-    `refinements`.
+    `refinements`. Where the factory has a `reference` of its own that is asked, if it takes the model.
     """
     exact = on_the_exact_curve(factory)
     # Which renderer of ours that is, else its own name.
     own = next((own for own in own_renderers() if equal_by_value(on_the_exact_curve(resolve(own)), exact)), name)
     knobs = choices_of(exact).knobs
+    if (independent := choices_of(exact).reference) is not None:
+        with suppress(RefusalError):  # of a model that only the renderer itself takes
+            return _independent_reference(independent, own, work, quick=quick)
     if not knobs:
         known = choices_of(exact).representation == "curve"
         if not known:
@@ -292,6 +300,31 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
         fine,
         errors_against(coarse, fine, floor=force_floor(work.scene)),
     )
+
+
+def _independent_reference(factory: RendererFactory, own: str, work: Workload, *, quick: bool) -> Reference:
+    """Return the finest of three settings of a factory as the reference, with its error by Richardson."""
+    ((name, knob),) = choices_of(factory).knobs.items()
+    values = knob.quick if quick else knob.values
+    coarse, middle, fine = (_answers_of_factory(configured(factory, {name: n}, name=own), work) for n in values)
+    floor = force_floor(work.scene)
+    before, last = errors_against(coarse, middle, floor=floor), errors_against(middle, fine, floor=floor)
+    words = f"another computation with {values[-1]:g} {name}"
+    return Reference(f"{own}, {words}", f"{own} by {words}", fine, _remaining_errors(before, last), extrapolated=True)
+
+
+def _remaining_errors(before: Errors, last: Errors) -> Errors:
+    """Return what refinements after the last one would still move, if each moves the same share of the one before.
+
+    last (1 / r + 1 / r^2 + ...) = last / (r - 1), with r = before / last: between slow, and of second order.
+    """
+    return {
+        metric: {
+            name: value / min(max(before[metric][name] / max(value, 1e-300) - 1.0, SLOWEST_GAIN), SECOND_ORDER_GAIN)
+            for name, value in last[metric].items()
+        }
+        for metric in last
+    }
 
 
 def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:

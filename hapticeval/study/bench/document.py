@@ -70,12 +70,16 @@ class SettingEntry(_DocumentPart, frozen=True):
 
 
 class ReferenceEntry(_DocumentPart, frozen=True):
-    """What the errors of a renderer on a model count from, and how far its last refinement moved it; None if exact."""
+    """What the errors of a renderer on a model count from, and how far that may be off; None if exact.
+
+    `extrapolated`: by Richardson; else how far its last refinement moved it.
+    """
 
     renderer: str
     model: str
     what: str | None
     disagreement: Errors | None
+    extrapolated: bool = False
 
 
 class OrderEntry(_DocumentPart, frozen=True):

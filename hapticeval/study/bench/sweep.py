@@ -403,6 +403,7 @@ class Sweep:
                     model=model,
                     what=None if reference is None else reference.what,
                     disagreement=None if reference is None else reference.disagreement,
+                    extrapolated=reference is not None and reference.extrapolated,
                 )
                 for (name, model), reference in self.references.items()
             ],
