@@ -18,7 +18,7 @@ from hapticeval.errors import InputError, UnknownNameError, describe_error
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
-from hapticeval.runner.folder import prepared_folder
+from hapticeval.runner.folder import locked_folder, remove_reports
 from hapticeval.runner.known import Known, read_known
 from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, RunOptions, as_tuple, plan
@@ -68,7 +68,7 @@ def run(
       that are not names run in this process, unless `workers` are given.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
-    none of these, and as `plan` and `prepared_folder` do; what a renderer gets wrong is in the results.
+    none of these, and as `plan` and `locked_folder` do; what a renderer gets wrong is in the results.
     """
     named = _name_renderers(renderers)
     # Names are resolved in each process; what is none is a factory, which has to travel there.
@@ -80,11 +80,13 @@ def run(
     elif factories:
         # A class of a notebook cannot travel to another process.
         chosen = dataclasses.replace(chosen, workers=0)
-    planned = plan(as_tuple(suites, "suites", (str, Suite)), tuple(named), chosen, factories=factories)
-    # The results that the folder holds now, before this run writes its own.
-    if chosen.failed_first and chosen.output is not None and (chosen.output / RESULTS_FILE).exists():
-        planned = planned.failed_first(read_results(chosen.output))
-    return carry_out(planned, watch=watch)
+    # Locked before the plan is made, which takes seconds: of two runs that begin together one is refused.
+    with nullcontext() if chosen.output is None else locked_folder(chosen.output):
+        planned = plan(as_tuple(suites, "suites", (str, Suite)), tuple(named), chosen, factories=factories)
+        # The results that the folder holds now, before this run writes its own.
+        if chosen.failed_first and chosen.output is not None and (chosen.output / RESULTS_FILE).exists():
+            planned = planned.failed_first(read_results(chosen.output))
+        return _carry_out(planned, watch, run_job)
 
 
 def plot_document(
@@ -136,7 +138,8 @@ def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
     """
     from hapticeval.runner.merging import merge_into
 
-    with prepared_folder(Path(output)):
+    with locked_folder(Path(output)):
+        remove_reports(Path(output))
         return Results(merge_into([Path(folder) for folder in folders], Path(output)), Path(output))
 
 
@@ -161,25 +164,32 @@ def judge(
 
 def carry_out(planned: Plan, *, watch: Callable[[Event], None] | None = None, work: Work = run_job) -> Results:
     """Run the jobs of a plan and return the results; see `run` for `watch`, and `execute` for `work`."""
+    with nullcontext() if planned.options.output is None else locked_folder(planned.options.output):
+        return _carry_out(planned, watch, work)
+
+
+def _carry_out(planned: Plan, watch: Callable[[Event], None] | None, work: Work) -> Results:
+    """Do so in a folder that is locked."""
     output = planned.options.output
-    # Before the folder is taken: an earlier run of another plan is refused, and its reports stay.
+    # Before anything is removed: an earlier run of another plan is refused, and its reports stay.
     earlier = read_earlier_run(planned, output) if planned.options.resume and output is not None else None
+    if output is not None:
+        remove_reports(output)
     recordings: dict[RunKey, Recording] = {}
     stopped = False
-    with nullcontext() if output is None else prepared_folder(output):
-        for event in execute(planned, work=work, earlier=earlier):
-            if watch is not None:
-                watch(event)
-            if isinstance(event, JobFinished):
-                if watch is None and event.warnings:
-                    print(*event.warnings.values(), sep="\n", file=sys.stderr)
-                if event.recording is not None:
-                    recordings[event.run.key] = event.recording
-            elif isinstance(event, Interrupted):
-                # With workers the first Ctrl-C lets what has begun end, and the second gives it up.
-                stopped = event.at_once
-            elif isinstance(event, RunFinished):
-                document = event.results
+    for event in execute(planned, work=work, earlier=earlier):
+        if watch is not None:
+            watch(event)
+        if isinstance(event, JobFinished):
+            if watch is None and event.warnings:
+                print(*event.warnings.values(), sep="\n", file=sys.stderr)
+            if event.recording is not None:
+                recordings[event.run.key] = event.recording
+        elif isinstance(event, Interrupted):
+            # With workers the first Ctrl-C lets what has begun end, and the second gives it up.
+            stopped = event.at_once
+        elif isinstance(event, RunFinished):
+            document = event.results
     return Results(document, folder=output, recordings=recordings, stopped=stopped)
 
 
@@ -397,14 +407,15 @@ class Results:
         from hapticeval.reports import write_reports
 
         folder = self.file.parent
-        written = write_reports(
-            folder,
-            single_file=single_file,
-            progress=progress,
-            workers=default_workers(),
-            stopped=stopped,
-            counterexamples=_read_counterexamples(folder),
-        )
+        with locked_folder(folder):
+            written = write_reports(
+                folder,
+                single_file=single_file,
+                progress=progress,
+                workers=default_workers(),
+                stopped=stopped,
+                counterexamples=_read_counterexamples(folder),
+            )
         return [self.file, *written]
 
     def write_known(self, file: str | Path) -> Results:

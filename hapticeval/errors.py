@@ -188,9 +188,7 @@ def renderer_errors(
 
 def is_foreign(error: BaseException) -> bool:
     """Return whether foreign code raised an error, not the user: KeyboardInterrupt too where Ctrl-C is ignored."""
-    if isinstance(error, KeyboardInterrupt):
-        return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    return isinstance(error, Exception | SystemExit)
+    return not isinstance(error, KeyboardInterrupt) or signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def blame_renderer(
@@ -208,6 +206,8 @@ def blame_renderer(
     # A TypeError with no frame of foreign code: the call itself did not fit the signature.
     if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(frame.filename)) for frame in frames):
         why, todo = f"it is called as {CALLS[call]}", "let it take these arguments; see docs/write-a-renderer.md"
+    if isinstance(error, MemoryError):
+        todo = "see what it keeps from tick to tick: the memory of this machine ran out"
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
 
 

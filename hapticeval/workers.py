@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import math
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -31,7 +32,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 from hapticeval.errors import HapticevalError
 from hapticeval.pulse import PENDING_SIZE, PendingStep, Pulse, share_pulse, unanswered_step
@@ -55,6 +56,12 @@ STACK_PATIENCE = 2.0
 
 TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
+
+PRINTED_KEPT = 1 << 16
+"""Bytes that are kept of what a process prints in a call, the last ones, and that are read of its pipe at once."""
+
+PRINTED_READS = 16
+"""Readings of that pipe before anything else is looked at: a renderer may print without end."""
 
 SERIAL_SIZE = 8
 """Bytes before a call and before its answer: its number among what was sent."""
@@ -154,6 +161,8 @@ class Answer(NamedTuple, Generic[T]):
     call: int
     value: T | None
     error: Exception | None
+    printed: str = ""
+    """What the process printed meanwhile, as far as it is captured: see `Workers`."""
 
 
 class Crew(Protocol[T]):
@@ -196,6 +205,48 @@ class Crew(Protocol[T]):
         ...
 
 
+class _Printed:
+    """What comes out of the pipe that a process prints into: the last `PRINTED_KEPT` bytes of a call."""
+
+    def __init__(self, source: int) -> None:
+        os.set_blocking(source, False)
+        self._source = source
+        self._tail = b""
+        self._count = 0
+
+    def fileno(self) -> int:
+        """Return the descriptor of the pipe, to wait for."""
+        return self._source
+
+    def read(self) -> bool:
+        """Take what is there now, a little of what never ends; return whether more may come."""
+        for _ in range(PRINTED_READS):
+            try:
+                piece = os.read(self._source, PRINTED_KEPT)
+            except BlockingIOError:
+                return True
+            except OSError:
+                return False
+            if not piece:
+                return False
+            self._count += len(piece)
+            self._tail = (self._tail + piece)[-PRINTED_KEPT:]
+        return True
+
+    def take(self) -> str:
+        """Return what a call has printed, and begin with nothing."""
+        self.read()
+        text, left_out = self._tail.decode(errors="replace"), self._count - len(self._tail)
+        self._tail, self._count = b"", 0
+        return f"({left_out:,} bytes before this are left out)\n{text}" if left_out else text
+
+    def close(self) -> None:
+        """Close the pipe: who still prints into it gets an error."""
+        if self._source >= 0:
+            os.close(self._source)
+        self._source = -1
+
+
 @dataclass(frozen=True)
 class _Worker:
     """A process that makes calls, with the pipes and the memory that it shares with this one."""
@@ -208,6 +259,12 @@ class _Worker:
     """Where it counts the answers of renderers, unless it has an interpreter of its own."""
     pending_step: PendingStep
     """Where it keeps what is asked of a renderer, likewise."""
+    printed: _Printed | None = None
+    """What it prints, where that is captured."""
+
+    def take_printed(self) -> str:
+        """Return what it has printed since it was asked last."""
+        return "" if self.printed is None else self.printed.take()
 
     def ask_for_stack(self) -> None:
         """Ask the process to write the stack of its Python code."""
@@ -233,6 +290,8 @@ class _Worker:
         """Close the pipes and kill the process after `patience` (s); return the exit code if it ended before."""
         self.pipe.close()
         self.stack_pipe.close()
+        if self.printed is not None:
+            self.printed.close()
         # Popen and BaseProcess do the same under different names.
         if isinstance(self.process, subprocess.Popen):
             try:
@@ -275,13 +334,19 @@ class Workers(Generic[T]):
 
     With `fresh` each process has an interpreter of its own, for where forks are forbidden or the parent has threads;
     the function is one that can be pickled.
+
+    With `captures` an answer brings what its process printed, by Python or by compiled code: the last `PRINTED_KEPT`
+    bytes. Elsewhere, and with a count of 0, it goes where this process prints.
     """
 
-    def __init__(self, function: Callable[..., T], count: int, *, tries: int = 1, fresh: bool = False) -> None:
+    def __init__(
+        self, function: Callable[..., T], count: int, *, tries: int = 1, fresh: bool = False, captures: bool = False
+    ) -> None:
         self._function = function
         self._count = count
         self._tries = tries
         self._fresh = fresh
+        self._captures = captures
         self._idle: list[_Worker] = []
         self._begun: dict[int, _Call] = {}
         self._sent = 0
@@ -342,29 +407,50 @@ class Workers(Generic[T]):
         # With a count of 0 the answers are here already.
         answers, self._local_answers = self._local_answers, []
         calls = {begun.worker.pipe: call for call, begun in self._begun.items()}
-        for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
+        for pipe in self._wait(list(calls), timeout) if calls else ():
             # A pipe is ready with an answer, or because its other end is closed: the process is gone.
-            call = calls[cast("Connection", pipe)]
+            call = calls[pipe]
             serial, worker, arguments, killed, *_ = begun = self._begun.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
                 stack, pending = worker.stack(time.monotonic()), unanswered_step(worker.pending_step)
+                printed = worker.take_printed()
                 ended = ProcessEnded(worker.end(EXIT_PATIENCE), pending, stack)
                 # Killed from outside, as for lack of memory: another process tries, so often and no more.
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)
                 else:
-                    answers.append(Answer(call, None, ended))
+                    answers.append(Answer(call, None, ended, printed))
             else:
                 if answer[:SERIAL_SIZE] != serial:  # of another call: this one's is still to come
                     self._begun[call] = begun
                     continue
                 self._idle.append(worker)
-                answers.append(Answer(call, *pickle.loads(answer[SERIAL_SIZE:])))
+                value, error = pickle.loads(answer[SERIAL_SIZE:])
+                answers.append(Answer(call, value, error, worker.take_printed()))
         if not answers and self._begun and timeout is None:
             return self.answers()  # what was killed has begun anew, or what came was of another call
         return answers
+
+    def _wait(self, pipes: list[Connection], timeout: float | None) -> list[Connection]:
+        """Return the pipes that are ready, after waiting for the first, for at most `timeout` seconds if given.
+
+        What processes print meanwhile is taken: at a full pipe they would wait for ever.
+        """
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        printed: list[Any] = [
+            begun.worker.printed for begun in self._begun.values() if begun.worker.printed is not None
+        ]
+        while True:
+            left = None if timeout is None else max(0.0, end - time.monotonic())
+            ready: list[Any] = multiprocessing.connection.wait([*pipes, *printed], left)
+            # One that is closed at its other end is always ready: it is waited for no more.
+            closed = [text for text in printed if text in ready and not text.read()]
+            printed = [text for text in printed if text not in closed]
+            answered = [pipe for pipe in pipes if pipe in ready]
+            if answered or time.monotonic() >= end:
+                return answered
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
         """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each.
@@ -382,7 +468,8 @@ class Workers(Generic[T]):
         until = time.monotonic() + STACK_PATIENCE
         given_up: list[Answer[T]] = []
         for number, worker in workers.items():
-            given_up.append(Answer(number, None, Overdue(worker.stack(until), unanswered_step(worker.pending_step))))
+            overdue = Overdue(worker.stack(until), unanswered_step(worker.pending_step))
+            given_up.append(Answer(number, None, overdue, worker.take_printed()))
             worker.end(0.0)
         return given_up
 
@@ -413,6 +500,7 @@ class Workers(Generic[T]):
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
+        printed: _Printed | None = None
         pulse, pending = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", PENDING_SIZE)
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
@@ -421,13 +509,18 @@ class Workers(Generic[T]):
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse, pending)
+            printed_pipe, print_end = os.pipe() if self._captures else (-1, -1)
+            others = (ours.fileno(), stack_pipe.fileno(), *([printed_pipe] if self._captures else []))
+            arguments = (theirs, stack_end, print_end, others, self._function, pulse, pending)
             process = multiprocessing.Process(target=_serve_forked, args=arguments)
             process.start()
+            if self._captures:
+                os.close(print_end)
+                printed = _Printed(printed_pipe)
         # Only the child holds these ends now: when it dies, reading here ends.
         theirs.close()
         stack_end.close()
-        return _Worker(process, ours, stack_pipe, pulse, pending)
+        return _Worker(process, ours, stack_pipe, pulse, pending, printed)
 
 
 SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
@@ -448,16 +541,23 @@ def serve(pipe: int, stack_end: int, parent: int) -> None:
 def _serve_forked(
     pipe: Connection,
     stack_end: Connection,
-    others: tuple[Connection, ...],
+    print_end: int,
+    others: tuple[int, ...],
     function: Callable[..., Any],
     pulse: Pulse,
     pending: PendingStep,
 ) -> None:
-    """Answer calls in a copy of the parent, as long as that lives."""
+    """Answer calls in a copy of the parent, as long as that lives; print into the pipe `print_end`, unless it is -1."""
     _end_with_parent(os.getppid())
     share_pulse(pulse, pending)
     for other in others:
-        other.close()  # else this process would keep its own pipe open
+        os.close(other)  # else this process would keep its own pipe open
+    if print_end >= 0:
+        for descriptor in (1, 2):
+            os.dup2(print_end, descriptor)
+        os.close(print_end)
+        sys.stdout = os.fdopen(1, "w", buffering=1, errors="backslashreplace", closefd=False)
+        sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
     _serve(pipe, stack_end, function)
 
 

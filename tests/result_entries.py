@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -42,6 +43,19 @@ def run_entry(**changes: Any) -> RunEntry:
     return RunEntry(**{**given, **changes})
 
 
+def apart(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
+    """The verdicts, each of a case of its own where a test has given several the same."""
+    taken: set[tuple[str, ...]] = set()
+    listed = []
+    for verdict in verdicts:
+        free = verdict
+        while (*free.key, free.check) in taken:
+            free = changed(free, case=f"{free.case}'")
+        taken.add((*free.key, free.check))
+        listed.append(free)
+    return listed
+
+
 def results_of(*verdicts: Verdict | VerdictEntry, strict: bool = False, **changes: Any) -> ResultsDocument:
     """Complete results with these verdicts."""
     given: dict[str, Any] = {
@@ -53,7 +67,7 @@ def results_of(*verdicts: Verdict | VerdictEntry, strict: bool = False, **change
         "seed": 3,
         "command": Command(suites=["s"], renderers=["r"], select=[], strict=strict),
         "runs": [],
-        "verdicts": [VerdictEntry.of(each) if isinstance(each, Verdict) else each for each in verdicts],
+        "verdicts": apart(VerdictEntry.of(each) if isinstance(each, Verdict) else each for each in verdicts),
         "table": {},
         "timing": Timing(simulated_seconds=6.0, wall_seconds=2.0, times_real_time=3.0),
     }

@@ -83,7 +83,7 @@ def bench(
     from msgspec.structs import replace
 
     from hapticeval.quantity import parse_duration, parse_length
-    from hapticeval.runner.folder import prepared_folder
+    from hapticeval.runner.folder import locked_folder
     from hapticeval.runner.results import RESULTS_FILE
     from hapticeval.study.bench.document import join_benches, read_bench, write_bench
     from hapticeval.study.bench.judge import compare_benches, describe, describe_missed, judge_bench
@@ -97,7 +97,7 @@ def bench(
     names = list(dict.fromkeys(setting.renderer for of_model in settings.values() for setting in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
-    with prepared_folder(directory, keep_reports=True):
+    with locked_folder(directory):
         with Terminal() as terminal:
             sweep.run(terminal.working)
         results = sweep.results()

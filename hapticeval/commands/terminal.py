@@ -35,6 +35,9 @@ REMINDER_SECONDS = 5.0
 WORK_LINE_SECONDS = 30.0
 """Seconds without a line, where there is no bar, after which one says what is at work."""
 
+PRINTED_LINES = 20
+"""Lines that are shown of what a renderer printed, the last ones."""
+
 COMPILING = (
     "compiling kernels as they are first used, once: with --quick some 10 s of a processor for a renderer in Python, "
     "20 s for a built-in one, 50 s for all of these; more for whole suites"
@@ -71,6 +74,8 @@ class Terminal:
         self._counts = counts
         self._suites: dict[str, _SuiteProgress] = {}
         self._broken: set[tuple[str, tuple[str, str]]] = set()
+        # Renderers whose prints were shown.
+        self._shown: set[str] = set()
         self._begun = time.monotonic()
         self._reminded = 0.0
         # When the last line was printed, s of the monotonic clock.
@@ -99,7 +104,7 @@ class Terminal:
             self._finished_jobs = event.kept_jobs
             self._suites = {name: _SuiteProgress(planned) for name, planned in event.jobs_of.items()}
             planned = f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned"
-            self.line(planned + kept_words)
+            self.line(planned + kept_words + (f"; replaces {event.replaces}" if event.replaces else ""))
             for note in event.notes:
                 self.line(note)
         elif isinstance(event, JobFinished):
@@ -113,6 +118,7 @@ class Terminal:
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}{self._job_words(event)}")
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
+            self._show_printed(event)
         elif isinstance(event, AtWork):
             at_work = f"at work for {event.seconds:.0f} s: {_first_run_words(event.runs)}"
             self.still(event.finished_jobs, self._planned_jobs, at_work)
@@ -125,6 +131,22 @@ class Terminal:
             # Suites that the run's end has cut short; _close changes the dict.
             for name in [name for name, suite in self._suites.items() if suite.finished]:
                 self._close(name)
+
+    def _show_printed(self, event: JobFinished) -> None:
+        """Print the end of what a renderer printed, in the first run of it that is not as required; verbose, in each.
+
+        Each line begins with a bar: at a line's beginning a CI log would take some texts for commands.
+        """
+        in_trouble = event.run.error is not None or any(verdict.standing.unexpected for verdict in event.verdicts)
+        if not event.printed or not (self._verbose or (in_trouble and event.run.renderer not in self._shown)):
+            return
+        self._shown.add(event.run.renderer)
+        shown = event.printed.splitlines()
+        self.line(f"{event.run.renderer} printed on {event.run.suite}/{event.run.case}:")
+        if not self._verbose and len(shown) > PRINTED_LINES:
+            shown = [f"({plural(len(shown) - PRINTED_LINES, 'line')} before these: -v)", *shown[-PRINTED_LINES:]]
+        for line in shown:
+            self.line(f"| {line}")
 
     def _breaks_anew(self, event: JobFinished) -> bool:
         """Return whether a renderer broke in a way in which it has not broken before."""

@@ -24,6 +24,8 @@ class RunStarted:
     """How many jobs of each suite are to be reported."""
     notes: tuple[str, ...] = ()
     """Remarks on the list of known failures: renderers that do not run, and failures without a size."""
+    replaces: str = ""
+    """The earlier run in the folder whose results go, as `resuming.describe_replaced_run` says it."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class JobFinished:
     """One renderer has gone through one case; `error` is what stopped it, `recording` its run where no file has it.
 
     `warnings` are those that Python code gave in another process, as text by the place that gave it; a run reports each
-    place once.
+    place once. `printed` is the end of what was printed there.
     """
 
     run: RunEntry
@@ -39,6 +41,7 @@ class JobFinished:
     error: HapticevalError | None = None
     recording: Recording | None = None
     warnings: Mapping[str, str] = field(default_factory=dict)
+    printed: str = ""
 
 
 @dataclass(frozen=True)

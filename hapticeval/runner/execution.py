@@ -21,7 +21,7 @@ from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.planning import Job, Plan, RunOptions
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
-from hapticeval.runner.resuming import EarlierRun, Outcomes
+from hapticeval.runner.resuming import EarlierRun, Outcomes, describe_replaced_run
 from hapticeval.runner.work import Work, carry_out, derived_seed, finished_by_end, finished_by_timeout, run_job
 from hapticeval.suite.suite import files_of
 from hapticeval.workers import TRIES, Answer, Crew, LostError, Overdue, ProcessEnded, Workers, default_workers
@@ -66,12 +66,14 @@ def execute(plan: Plan, *, work: Work = run_job, earlier: EarlierRun | None = No
     output = plan.options.output
     with Interrupts() as interrupts:
         with _crew(work, plan) as crew, Outcomes(output) as outcomes:
+            replaced = ""
             # What is in the folder is of an earlier run, whose results go as well.
             if output is not None and earlier is None:
+                replaced = describe_replaced_run(output)
                 shutil.rmtree(output / "recordings", ignore_errors=True)
                 outcomes.clear()
             execution = _Execution(plan, crew, outcomes, interrupts, earlier.jobs if earlier else {})
-            yield execution.opening()
+            yield execution.opening(replaced)
             execution.progress = Progress(plan, earlier_seconds=earlier.wall_seconds if earlier else 0.0)
             cut_by: BaseException | None = None
             try:
@@ -126,12 +128,12 @@ class _Execution:
         """The runs that have begun and are not finished, the first one first."""
         return tuple(self.plan.jobs[number].key for number in self.begun_at)
 
-    def opening(self) -> RunStarted:
-        """Return the first event, of what is planned."""
+    def opening(self, replaced: str) -> RunStarted:
+        """Return the first event, of what is planned, and of the earlier run that is `replaced`."""
         plan = self.plan
         jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in self.earlier_numbers)
         remarks = plan.known.remarks(plan.renderers, [suite.name for suite in plan.suites])
-        return RunStarted(plan.planned, len(plan.jobs), len(self.earlier_numbers), jobs_of, remarks)
+        return RunStarted(plan.planned, len(plan.jobs), len(self.earlier_numbers), jobs_of, remarks, replaced)
 
     def begin_jobs(self) -> None:
         """Begin as many jobs as the crew has room for. Raises `KeyboardInterrupt` where this process does them."""
@@ -228,7 +230,7 @@ def crew_of(
     See `Cluster` for `timeout` and `files`. Raises `InputError` where dask.distributed is missing.
     """
     if scheduler is None:
-        return Workers(function, workers, tries=TRIES)
+        return Workers(function, workers, tries=TRIES, captures=True)
     try:
         from hapticeval.runner.cluster import Cluster
     except ImportError as error:
@@ -240,6 +242,10 @@ def crew_of(
 
 def _finished_job(answer: Answer[JobAndFile], job: Job, options: RunOptions) -> JobFinished:
     """Return what came of a job, from its answer, with its recording put into the result folder."""
+    return replace(_judged_job(answer, job, options), printed=answer.printed)
+
+
+def _judged_job(answer: Answer[JobAndFile], job: Job, options: RunOptions) -> JobFinished:
     if isinstance(answer.error, ProcessEnded):
         return finished_by_end(job, answer.error)
     if isinstance(answer.error, Overdue):

@@ -30,23 +30,26 @@ REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables")
 
 
 @contextmanager
-def prepared_folder(directory: Path, *, keep_reports: bool = False) -> Iterator[None]:
+def locked_folder(directory: Path) -> Iterator[None]:
     """Make a folder for results, or take one that is empty or holds an earlier run or bench of ours, and lock it.
 
-    Reports of an earlier run must not stand beside the results of this one: they are removed, unless `keep_reports`.
-    Within the block no other run may write there.
+    Within the block nothing else may write there. A folder that is made here and holds nothing at the end goes again.
 
-    Raises `InputError` for a folder with other files, where nothing can be written, and where another process does.
+    Raises `InputError` for a folder with other files, where nothing can be written, and where another run does.
     """
     # Before anything is made: a folder that is not ours stays untouched.
     _check(directory)
+    made = not directory.exists()
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _unwritable(directory, error) from error
-    with _locked(directory):
-        _clean(directory, keep_reports=keep_reports)
-        yield
+    try:
+        with _locked(directory):
+            yield
+    finally:
+        if made and directory.is_dir() and not any(directory.iterdir()):
+            directory.rmdir()
 
 
 _open: set[int] = set()
@@ -156,10 +159,13 @@ def _unwritable(directory: Path, error: OSError) -> InputError:
     return InputError(f"cannot write into the folder '{directory}'", why=why, todo="name another with -o")
 
 
-def _clean(directory: Path, *, keep_reports: bool) -> None:
-    """Remove the reports of an earlier run."""
+def remove_reports(directory: Path) -> None:
+    """Remove the reports of an earlier run, which must not stand beside the results of this one.
+
+    Raises `InputError` where they cannot be removed.
+    """
     try:
-        for report in () if keep_reports else (directory / name for name in REPORTS):
+        for report in (directory / name for name in REPORTS):
             # Of a link to a folder the link is removed, never what it leads to.
             if report.is_dir() and not report.is_symlink():
                 shutil.rmtree(report)

@@ -16,6 +16,7 @@ from typing import Any
 from hapticeval.discovery import known_renderers, load, parse
 from hapticeval.errors import HapticevalError
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.quantity import plural
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.results import (
@@ -76,8 +77,10 @@ class Progress:
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
-        if reason is None and len(self.verdicts) < self.plan.planned:
-            reason = "fewer verdicts than planned"
+        planned = {(*job.key, check) for job in self.plan.jobs for check in job.case.checks}
+        missing = planned - {(*verdict.key, verdict.check) for verdict in self.verdicts}
+        if reason is None and missing:
+            reason = f"{plural(len(missing), 'planned verdict')} missing, as of {'/'.join(min(missing))}"
         return self._save(reason)
 
     def _save(self, reason: str | None) -> ResultsDocument:

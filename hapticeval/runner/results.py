@@ -349,6 +349,12 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     inherent: str = ""
     alike: list[str] = []
 
+    def __post_init__(self) -> None:
+        if self.outcome is Outcome.PASS and self.bound is not None and self.metric is not None:
+            value = self.metric.value
+            if value is not None and value > self.bound:
+                raise ValueError(f"a pass whose {self.metric.name}, {value:g}, is beyond its bound, {self.bound:g}")
+
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
         """Return the entry of a verdict.
@@ -485,6 +491,9 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
             )
         if self.ran != len(self.verdicts):
             raise ValueError(f"{self.ran} verdicts ran, and it holds {len(self.verdicts)}: one was lost, or added")
+        for place, count in Counter((*verdict.key, verdict.check) for verdict in self.verdicts).items():
+            if count > 1:
+                raise ValueError(f"it holds {count} verdicts of {'/'.join(place)}: a run has one")
 
     def suite_label(self, name: str) -> str:
         """Return the name of a suite with its version, as it is cited: thesis 1.0."""

@@ -7,8 +7,9 @@ killed in the middle of a line, that job is done again.
 from __future__ import annotations
 
 import os
+from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import msgspec
 
@@ -30,6 +31,9 @@ from hapticeval.runner.results import (
 )
 
 OUTCOMES = "outcomes.jsonl"
+
+MOST_NAMES = 3
+"""Renderers of an earlier run that are named where it is replaced."""
 
 
 class Line(Entry, frozen=True, kw_only=True):
@@ -94,6 +98,26 @@ def read_outcomes(directory: Path) -> list[JobFinished]:
             continue  # a damaged disk: that job is done again
         jobs.append(JobFinished(line.run, tuple(line.verdicts)))
     return jobs
+
+
+class _Header(msgspec.Struct):
+    """What tells one run from another in results.json."""
+
+    date: str
+    runs: list[dict[str, Any]]
+
+
+def describe_replaced_run(directory: Path) -> str:
+    """Return what a new run into `directory` replaces: "the run of constraint, 18:40"; "" where there is none."""
+    try:
+        header = msgspec.json.decode((directory / RESULTS_FILE).read_bytes(), type=_Header)
+        begun = datetime.fromisoformat(header.date).astimezone()
+    except (OSError, ValueError):  # no run, or none that can be read
+        return ""
+    renderers = list(dict.fromkeys(str(run.get("renderer", "")) for run in header.runs))
+    names = ", ".join(renderers[:MOST_NAMES]) + (", ..." if len(renderers) > MOST_NAMES else "")
+    today = begun.date() == datetime.now().astimezone().date()
+    return f"the run of {names or 'nothing'}, {begun:{'%H:%M' if today else '%Y-%m-%d %H:%M'}}"
 
 
 class EarlierRun(NamedTuple):

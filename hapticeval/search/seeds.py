@@ -155,10 +155,11 @@ def run_hunts(
             progress(len(parts), len(calls), "seeds that have ended")
             for worker, why in crew.refused():
                 report(f"refused: the worker {worker} searches nothing: {why}")
-            for number, part, error in answers:
-                parts[number] = part
-                hunt, seed = calls[number]
-                report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_outcome_text(part, error)}")
+            for answer in answers:
+                parts[answer.call] = answer.value
+                hunt, seed = calls[answer.call]
+                outcome = _outcome_text(answer.value, answer.error)
+                report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {outcome}")
     # Hunts that were cut short, with what their finished seeds have found.
     for hunt_number in list(left):
         yield result_of(hunt_number)

@@ -18,7 +18,7 @@ from hapticeval.kernel_cache import kernel_folder
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.runner.folder import prepared_folder
+from hapticeval.runner.folder import locked_folder
 from hapticeval.runner.results import RESULTS_FILE, read_results
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -206,25 +206,30 @@ def test_only_an_earlier_run_is_overwritten(here):
         assert run("-r", "local_mine:Good", "-o", folder.name) == 2
         assert (folder / RESULTS_FILE).read_text() == text
     (here / "foreign0" / RESULTS_FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
-    with prepared_folder(here / "foreign0"):
+    with locked_folder(here / "foreign0"):
         pass
 
 
 def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_first(here, capsys):
-    with prepared_folder(here / "out"):
+    with locked_folder(here / "out"):
+        # Before anything is planned, which takes seconds: not even the suite is looked for.
+        assert run("no-such-suite", "-r", "local_mine:Good", "-o", "out") == 2
+        assert "another run writes into 'out'" in capsys.readouterr().err
         assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
         told = capsys.readouterr().err
         assert "another run writes into 'out'" in told
         assert not Path("/proc/locks").exists() or f"process {os.getpid()}" in told
         assert list((here / "out").iterdir()) == []
         assert run("-r", "local_mine:Good", "-o", "beside", "-k", "flat") == 0
+    assert not (here / "out").exists(), "it was made for nothing, and is gone"
     assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
     assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
+    assert "replaces the run of local_mine:Good, " in capsys.readouterr().err
 
 
 def test_two_runs_exclude_each_other_where_the_system_cannot_lock_a_folder(here, capsys, monkeypatch):
     monkeypatch.setattr("hapticeval.runner.folder.fcntl", None)
-    with prepared_folder(here / "out"):
+    with locked_folder(here / "out"):
         assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
         told = capsys.readouterr().err
         assert f"another run writes into 'out': process {os.getpid()}" in told

@@ -64,7 +64,7 @@ def test_a_failure_that_would_be_inherent_names_what_a_renderer_has_to_declare_a
 
 def test_the_whole_of_it():
     done = results_of(
-        verdict(Outcome.PASS),
+        verdict(Outcome.PASS, case="b"),
         jump(0.0123456),
         verdict(Outcome.NOT_APPLICABLE),
         verdict(Outcome.NOT_APPLICABLE, case="d"),
@@ -149,7 +149,11 @@ def broke(case, tick, *, renderer="r", line="in mine.py, line 7"):
 def test_one_cause_is_one_message_with_the_verdicts_that_it_took_away():
     runs = [broke(f"c{k}", k) for k in range(5)]
     runs += [broke("c5", 1, line="in mine.py, line 9"), broke("c5", 1, renderer="q")]
-    lost = [verdict(Outcome.ERROR, case=run.case, renderer=run.renderer) for run in runs for _ in range(2)]
+    lost = [
+        verdict(Outcome.ERROR, case=run.case, renderer=run.renderer, check=check)
+        for run in runs
+        for check in ("broken-contact", "contact-kept")
+    ]
     done = results_of(*lost, verdict(Outcome.FAIL, case="c0"), runs=runs)
     shown = summary(done, [])
     assert [line for line in shown.splitlines() if line.startswith(("broke", "error", "fail", "  first"))] == [

@@ -4,7 +4,7 @@ import io
 import itertools
 
 import pytest
-from result_entries import changed, run_entry
+from result_entries import apart, changed, run_entry
 
 from hapticeval.api import Results
 from hapticeval.commands import terminal
@@ -43,7 +43,7 @@ def results(*verdicts, strict=False, **more):
         "seed": 0,
         "command": Command(suites=[], renderers=[], select=[], strict=strict),
         "runs": [],
-        "verdicts": list(verdicts),
+        "verdicts": apart(verdicts),
         "table": {},
         "timing": Timing(simulated_seconds=6.0, wall_seconds=2.0, times_real_time=3.0),
     }

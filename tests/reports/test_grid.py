@@ -105,7 +105,8 @@ def test_a_pass_that_reports_its_bound_as_its_value_shows_no_share_but_how_long_
     [(0.5, 1.0, 0.5), (-2.0, 1.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, np.inf), (1.0, -1.0, None), (np.inf, 1.0, np.inf)],
 )
 def test_the_share_of_a_bound(value, bound, share):
-    assert bound_share(make_verdict(value=value, bound=bound)) == share
+    outcome = "pass" if value <= bound else "fail"
+    assert bound_share(make_verdict(outcome, value=value, bound=bound)) == share
     assert bound_share(make_verdict(value=None)) is None
 
 
@@ -114,7 +115,7 @@ def test_the_share_of_a_bound(value, bound, share):
     [(1.26, "1.3×"), (48.2, "48×"), (4321.0, "4300×"), (9e6, "9e6×"), (np.inf, "∞×"), (0.999, "0 % left")],  # noqa: RUF001
 )
 def test_a_margin_reads_well(value, words):
-    assert Tile([make_verdict(value=value)]).margin == words
+    assert Tile([make_verdict("pass" if value <= 1.0 else "fail", value=value)]).margin == words
 
 
 def test_renderers_by_phenomena(results):

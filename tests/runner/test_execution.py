@@ -76,6 +76,12 @@ class Crashes(Good):
             os.abort()
         return super().step(hip, velocity, dt)
 
+class Leaves(Good):
+    def step(self, hip, velocity, dt):
+        if hip[0] < -0.03:
+            raise GeneratorExit
+        return super().step(hip, velocity, dt)
+
 class Interrupts(Good):
     def step(self, hip, velocity, dt):
         raise KeyboardInterrupt
@@ -187,6 +193,7 @@ def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
         ("no_renderer", "int", 0),
         ("Dies", "ended the process that it ran in: exit code 7 at tick 0 (counted from 0), HIP (", 0),
         ("Crashes", "ended the process that it ran in: SIGABRT at tick ", 1),
+        ("Leaves", "step() raised GeneratorExit at tick ", 1),
         ("Interrupts", "step() raised KeyboardInterrupt at tick 0 (counted from 0), HIP (", 0),
     ],
 )
@@ -202,6 +209,8 @@ def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, other
         assert f"it was in thirdparty.py, line {line_of('os.abort')}, in step" in broken.error.why
         assert broken.error.tick > 0
         assert broken.error.hip[0] < -0.03
+    if name == "Leaves":
+        assert broken.error.tick > 0
     if name == "Raises":
         assert f"in thirdparty.py, line {line_of('RuntimeError')}, in step" in broken.error.why
         assert broken.error.hip[0] < -0.03

@@ -165,6 +165,22 @@ def test_what_is_cut_edited_or_of_another_version_is_refused_with_its_place(refu
         read_results(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda document: {"verdicts": [*document["verdicts"], *document["verdicts"]], "planned": 2, "ran": 2},
+        lambda document: {"verdicts": [{**document["verdicts"][0], "bound": 0.0}]},
+    ],
+    ids=["one verdict twice", "a pass beyond its bound"],
+)
+def test_a_document_that_says_what_no_run_says_is_refused(refused, tmp_path, whole, change):
+    path = write_results(tmp_path, whole)
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps(document | change(document)))
+    with refused(InputError):
+        read_results(tmp_path)
+
+
 def test_a_folder_that_holds_none_says_so(refused, tmp_path):
     with refused(InputError):
         read_results(tmp_path / "gone")

@@ -48,6 +48,16 @@ def act(what, *more):
         if os.fork() == 0:
             time.sleep(0.1)
         return os.getpid()
+    if what == "print":
+        print("::error::", end="\x1b[2J\n")
+        os.write(2, b"x" * more[0] + b"\n")
+        return sys.stdout.isatty()
+    if what == "print and die":
+        os.write(1, b"on the way out\n")
+        os._exit(3)
+    if what == "chatter":
+        while True:
+            os.write(1, b"again and " * 1000)
     if what == "pause":
         time.sleep(0.3)
         return os.getpid()
@@ -125,6 +135,33 @@ def test_an_answer_of_another_call_is_refused():
         crew._begun[0] = call._replace(serial=b"\xff" * len(call.serial))
         assert crew.answers(2.0) == []
         assert crew.busy == 1, "its own is waited for"
+
+
+def test_what_a_process_prints_comes_with_its_answer_and_goes_nowhere_else(capfd):
+    with Workers(act, 2, captures=True) as crew:
+        crew.begin(0, "print", 3)
+        crew.begin(1, "print and die")
+        answers = {}
+        while crew.busy:
+            answers |= {answer.call: answer for answer in crew.answers()}
+        # More than a pipe holds, of which the end is kept.
+        crew.begin(2, "print", 10**6)
+        (large,) = crew.answers()
+    assert answers[0][1:] == (False, None, "::error::\x1b[2J\nxxx\n")
+    assert (answers[1].error.code, answers[1].printed) == (3, "on the way out\n")
+    assert large.printed.endswith("x\n")
+    assert workers.PRINTED_KEPT < len(large.printed) < workers.PRINTED_KEPT + 100
+    assert large.printed.startswith(f"({10**6 + 15 - workers.PRINTED_KEPT:,} bytes before this are left out)\n")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_who_prints_without_end_is_given_up_in_time():
+    with Workers(act, 1, captures=True) as crew:
+        crew.begin(0, "chatter")
+        assert crew.answers(0.2) == []
+        (answer,) = crew.give_up(0.1)
+    assert isinstance(answer.error, Overdue)
+    assert len(answer.printed) >= workers.PRINTED_KEPT
 
 
 def test_without_processes_a_call_is_made_here_and_now():

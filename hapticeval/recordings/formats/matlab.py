@@ -118,13 +118,14 @@ def read_matlab5(path: Path) -> Table:
     _reserve_variables(path)
     with Workers(_load_matlab5, int(FORKS)) as workers:
         workers.begin(0, path)
-        ((_, variables, error),) = workers.answers()
+        (answer,) = workers.answers()
+    error = answer.error
     if isinstance(error, HapticevalError):
         raise error
-    if variables is None:
+    if answer.value is None:
         how = f"reading it ended with {error.how}" if isinstance(error, ProcessEnded) else f"scipy's reader: {error}"
         raise damaged_error(path, how) from error
-    return variables.table()
+    return answer.value.table()
 
 
 def _reserve_variables(path: Path) -> None:
