@@ -554,6 +554,14 @@ STALE_TICKS = 1.5
 """Ticks for which a force stands at the most while another is called for: one, and half of one, to which a median of
 whole ticks is known. Derived; doubled, a loop at half of the rate passes."""
 
+# same_hip: force_magnitude
+
+TWO_FORCES_ROWS = 2 * LAG_TICKS + 1
+"""Rows, of twice as many in a row, in which one HIP has two forces where a stiffness varies with more than the place.
+
+Derived: where it leaps at a place, forces that come up to three ticks late differ in three rows from either side.
+Doubled, touches of 14 to 27 ticks are not judged."""
+
 # under_the_hand
 
 ASIDE_DEPTHS = 10.0

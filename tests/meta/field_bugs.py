@@ -385,7 +385,7 @@ BROKEN: Mapping[str, Outsider] = {
     ),
     "sign-by-area": Outsider(
         SignByArea,
-        {"contact-normal-force": "pulls in from outside"},
+        {"contact-kept": "a force outside", "contact-normal-force": "pulls in from outside"},
         ("past-a-fin",),
         reported="github.com/llnl/axom issue 783 and pull request 784",
     ),
@@ -424,7 +424,10 @@ BROKEN: Mapping[str, Outsider] = {
     ),
     "convex-hull": Outsider(
         ConvexHull,
-        {"continuous-contact": "the hull's face, 30 mm off", "contact-normal-force": "the hull's normal"},
+        {
+            "continuous-contact": "the hull's face, 30 mm off",
+            "contact-normal-force": "the hull's normal",
+        },
         ("in-a-notch",),
         reported="MuJoCo's documentation: a mesh collides as its convex hull",
     ),

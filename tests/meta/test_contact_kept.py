@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.contact_kept import follow
+from hapticeval.phenomena.measures.free_space import follow
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome

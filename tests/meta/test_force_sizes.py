@@ -130,15 +130,14 @@ VARYING += [case for case in load_suite("unilateral-surfaces").cases if case.nam
 
 @pytest.mark.parametrize("judged", VARYING, ids=lambda judged: judged.name)
 @pytest.mark.parametrize("renderer", ["homothetic", "combescure", "minimum-distance+square-root"])
-def test_a_stiffness_that_varies_as_declared_is_a_warning(renderer, judged):
+def test_a_stiffness_that_varies_as_declared_passes(renderer, judged):
     found = verdict(resolve(renderer), judged)
-    assert (found.outcome, found.level) == (FAIL, Level.SHOULD), found.finding.message
-    assert found.finding.metric.value > found.finding.bound
+    assert found.outcome is PASS, found.finding.message
 
 
 def test_a_range_that_is_declared_is_held():
     declaring = verdict(force_sizes.Declaring, CASES["slide"])
-    assert (declaring.outcome, declaring.level) == (FAIL, Level.SHOULD), declaring.finding.message
+    assert declaring.outcome is PASS, declaring.finding.message
 
     def narrower(scene):
         renderer = force_sizes.Declaring(scene)

@@ -663,14 +663,15 @@ class TestForceInFreeSpace:
         assert (finding is not None) is told
         if finding is not None:
             assert (finding.metric.value, finding.bound) == (2.0, pytest.approx(1e-3))
-            assert (finding.evidence["tick"], finding.evidence["pushed_ticks"]) == (row, 1)
-            assert f"feels 2 N in free space, where the tool is at the hand: from t = {1e-3 * row:.4g} s (1 of 30" in (
+            assert (finding.evidence["tick"], finding.evidence["felt_ticks"]) == (row, 1)
+            assert f"feels 2 N in free space: it is 5 mm outside of the model at t = {1e-3 * row:.4g} s" in (
                 finding.message
             )
+            assert "(1 of 30 ticks), with the tool at it" in finding.message
 
-    def test_the_first_row_is_told_and_the_largest_force_of_all(self):
+    def test_the_place_of_the_largest_force_is_told(self):
         finding = self.judged(15, 20)
-        assert (finding.evidence["tick"], finding.evidence["pushed_ticks"]) == (15, 2)
+        assert (finding.evidence["tick"], finding.evidence["felt_ticks"]) == (15, 2)
         assert self.judged(15, force=0.9e-3) is None
         assert self.judged() is None
 

@@ -71,7 +71,6 @@ NOT_VISITED: dict[str, str] = {
     "whose robot settles more slowly than laps can be compared; in the plane the loop is the same code",
     "numerical-stability": "a robot cannot be moved and scaled with its scene; a point mass is in the plane, by the "
     "same loop as in space",
-    "passivity": "the robot is asked on a cube in space, by the same loop as in the plane",
     "constraint-distance": "of bilateral surfaces in space the dynamics suites ask whether the distance dies out; the "
     "experiments that it ranks were made in the plane, on the robot",
     "seams": "a curve has no triangles",

@@ -6,8 +6,9 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
-from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS, TOOL_GRAIN
+from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, TOOL_GRAIN
 from hapticeval.phenomena.measures.closed_paths import running_sums
+from hapticeval.phenomena.measures.free_space import find_felt_in_free_space, follow
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import listed, mm, newtons, worst_row
 from hapticeval.phenomena.verdict import Facts, Finding, Metric, Outcome, undecided
@@ -109,18 +110,27 @@ def _find_force_in_free_space(base: Observed) -> Finding | None:
     """
     if not (base.apart.any() or base.declares_force_only):
         return None
-    pushed = base.pushed_in_free_space
-    if not pushed.any():
+    felt = find_felt_in_free_space(base)
+    if not felt.any():
         return None
-    force = np.where(pushed, base.force_size, 0.0)
-    first, largest = int(np.argmax(pushed)), float(force.max())
-    ticks = int(pushed.sum())
-    metric = Metric("force in free space", largest, "N")
-    evidence = {**base.evidence_at(first), **Facts(kind="haunts").evidence, "pushed_ticks": ticks}
-    message = (
-        f"the hand feels {newtons(largest)} in free space, where the tool is at the hand: from t = "
-        f"{base.time[first]:.4g} s ({ticks} of {len(base)} ticks)"
+    # The largest force first; of a contact without one, where the hand is farthest off.
+    size = np.where(felt, base.force_size, 0.0)
+    pushes = float(size.max()) > base.force_floor
+    worst = worst_row(size if pushes else np.where(felt, base.distance, -np.inf))
+    away, ticks = float(base.distance[worst]), int(felt.sum())
+    evidence = {**base.evidence_at(worst), **Facts(kind="haunts").evidence, "felt_ticks": ticks, "away_m": away}
+    where = f"{mm(away)} outside of the model at {base.time_and_hip(worst)} ({ticks} of {len(base)} ticks)"
+    tool = (
+        f"with the tool {mm(float(np.linalg.norm(base.ihip[worst] - base.hip[worst])))} away from it"
+        if base.apart[worst]
+        else "with the tool at it"
     )
+    if not pushes:
+        metric = Metric("distance of a contact from the model", away, "m")
+        message = f"a contact without force in free space: the hand is {where}, {tool}"
+        return Finding(Outcome.FAIL, message, metric, base.across_allowed, evidence)
+    metric = Metric("force in free space", float(size[worst]), "N")
+    message = f"the hand feels {newtons(metric.value)} in free space: it is {where}, {tool}"
     return Finding(Outcome.FAIL, message, metric, base.force_floor, evidence)
 
 
@@ -172,26 +182,6 @@ def _rests_where_contact_ended(base: Observed, allowed: Array) -> BoolArray:
     last = np.maximum.accumulate(np.where(contact, rows, 0))
     near = np.linalg.norm(base.ihip - base.ihip[last], axis=1) <= allowed
     return np.asarray(np.logical_or.accumulate(contact) & (rows - last <= LAG_TICKS) & near)
-
-
-def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array | None:
-    """Return where a rigid tool that follows the hand is held, (N,), m; None where it gets to the hand.
-
-    From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
-    there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open.
-
-    It is placed to `grain` (m): neither a notch nor a plate thinner than that is seen.
-    """
-    rests = False
-    for _ in range(MOST_FLIGHTS):
-        barred = boundary.first_crossing(tool, hand, grain=grain)
-        if barred is None:
-            return None
-        # Barred where it rests already: a local minimum of the distance to the hand.
-        if rests and distance_between(barred, tool) <= grain:
-            break
-        tool, rests = boundary.descend(barred, hand, step=grain), True
-    return tool
 
 
 def _begun_behind(base: Observed, contact: BoolArray, boundary: Boundary, grain: float, across: float) -> BoolArray:

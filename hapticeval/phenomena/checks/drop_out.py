@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.sampling import force_floor, worst_row
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, not_applicable, undecided
+from hapticeval.phenomena.verdict import Finding, Outcome, not_applicable, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -59,6 +59,5 @@ CHECK = Check(
     needs={"dropped_out": not_applicable("a HIP can be left out of a path of ours alone")},
     metric="force without a hand position",
     unit="N",
-    level=Level.SHOULD,
     judge=judge,
 )

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import TELLING_SHARE, UNDECLARED_RANGE
 from hapticeval.phenomena.lag import over_lag
+from hapticeval.phenomena.measures.same_hip import find_two_forces
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
     find_pressed_ticks,
@@ -20,7 +20,7 @@ from hapticeval.phenomena.measures.stiffness import (
 )
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import mm, newtons, worst_row
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Spring
@@ -49,6 +49,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     measured = [measure_stiffness(base, pressed_ticks, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits best.
     finding = _finding(base, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
+    if base.stiffness_range is not None and finding.outcome is not Outcome.FAIL:
+        two_forces = _find_two_forces(runs, base)
+        if two_forces is not None:
+            return two_forces
     if not base.declares_wide_range:
         return finding
     softest, stiffest = base.stiffness_range or (1.0, 1.0)
@@ -58,12 +62,29 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return replace(finding, message=f"{finding.message}; {declares}")
 
 
+def _find_two_forces(runs: Runs, base: Observed) -> Finding | None:
+    """Return a failure where a stiffness that is declared to vary does so with direction, time or tick; else None."""
+    if base.scene.answer_effects_except():
+        return None
+    two = find_two_forces(runs, base)
+    if two is None:
+        return None
+    message = (
+        f"one HIP has two forces: {newtons(two.size)} at {base.time_and_hip(two.tick)}, and {newtons(two.other)} "
+        f"{two.how}; a declared stiffness may vary with place and depth alone"
+    )
+    evidence = {**base.evidence_at(two.tick), "force_N": two.size, "other_force_N": two.other, "other_way": two.how}
+    metric = Metric("difference of two forces at one HIP", two.difference, "N")
+    return Finding(Outcome.FAIL, message, metric, two.allowed, evidence, Level.MUST)
+
+
 def _misfit(measured: ApparentStiffness, base: Observed) -> tuple[float, bool, float, float]:
     """Rank how ill a law fits: beyond the declared range, with nothing clear, in more ticks, by a larger excess."""
     coarse = float(measured.beyond(base.stiffness_range or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLING_SHARE)
-    deviates = clear.excess > 0.0
-    fine = float(deviates.mean()) if deviates.size else 0.0, float(clear.excess.max(initial=0.0))
+    excess = clear.beyond(base.stiffness_range or (1.0, 1.0), clear.allowed)
+    deviates = excess > 0.0
+    fine = float(deviates.mean()) if deviates.size else 0.0, float(excess.max(initial=0.0))
     return max(coarse, 0.0), not deviates.size, *fine
 
 
@@ -103,26 +124,25 @@ def _finding(base: Observed, measured: ApparentStiffness, level: Level) -> Findi
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
     shares = base.stiffness_range or UNDECLARED_RANGE
     outside = _excess_felt(base, measured, measured.beyond(shares, measured.allowed_in_lag))
-    if any(effect.stage is Stage.ANSWER for effect in base.scene.effects):
+    if base.scene.answer_effects_except():
         level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
     elif outside.size and outside.max() > 0.0:
         worst = worst_row(outside)
-        # The bound, as a distance from one: the edge of the range that is left.
-        edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
-        return replace(
-            _failed_finding(base, measured, outside, worst, edge + float(measured.allowed_in_lag[worst])),
-            level=Level.MUST,
-        )
+        bound = _edge_left(measured, worst, shares) + float(measured.allowed_in_lag[worst])
+        return replace(_failed_finding(base, measured, outside, worst, bound), level=Level.MUST)
+    # What is declared is what is asked for: within it no share is off.
+    asked = base.stiffness_range or (1.0, 1.0)
     measured = measured.rows(measured.allowed <= TELLING_SHARE)
     if measured.begins.all():  # or there are none
         return undecided(
             "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
-    excess = _excess_felt(base, measured, measured.excess)
+    excess = _excess_felt(base, measured, measured.beyond(asked, measured.allowed))
     worst = worst_row(excess)
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
+        bound += _edge_left(measured, worst, asked)
         return replace(_failed_finding(base, measured, excess, worst, bound), level=level)
     # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
     metric = CHECK.measured(np.maximum(excess + measured.allowed, 0.0)[worst])
@@ -131,6 +151,11 @@ def _finding(base: Observed, measured: ApparentStiffness, level: Level) -> Findi
     at_deepest = _describe_deepest(evidence, base.scene)
     message = f"the force fits the depth, with an apparent stiffness of {format_number(median)} N/m; {at_deepest}"
     return Finding(Outcome.PASS, message, metric, bound, evidence, level)
+
+
+def _edge_left(measured: ApparentStiffness, worst: int, shares: tuple[float, float]) -> float:
+    """Return the edge of a range of `shares` that the stiffness of a sample leaves, as a distance from one."""
+    return shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
 
 
 def _excess_felt(base: Observed, measured: ApparentStiffness, excess: Array) -> Array:
@@ -185,6 +210,10 @@ CHECK = Check(
     citation="thesis 4.2, (4.8), (5.21), (6.1)",
     channels=("hip", "ihip", "force"),
     reads_also=("velocity", "measured_hip", "measured_velocity"),
+    siblings={
+        "reverse": "of a stiffness that is declared to vary, the same HIPs in the opposite order",
+        "refine": "of such a one, the same stimulus at twice the sampling rate",
+    },
     metric="apparent stiffness less the scene's, as a share of it",
     unit="",
     judge=judge,

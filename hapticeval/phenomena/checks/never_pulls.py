@@ -9,6 +9,7 @@ import numpy as np
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.measures.free_space import find_felt_in_free_space
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import steps_to, worst_row
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, compared, undecided
@@ -29,10 +30,14 @@ def find_outward(recording: Observed) -> Array:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Find the largest part of the force that draws the hand away from its contact point, deeper in."""
     base = runs.observed(scene)
-    rows = np.flatnonzero(base.pressed & (base.distance < 0.0))
+    # A hand in free space is drawn in by what points to the model, wherever the IHIP is said to be.
+    free = find_felt_in_free_space(base) & base.pressed
+    inside = base.pressed & (base.distance < 0.0)
+    rows = np.flatnonzero(inside | free)
+    never_inside = undecided("the hand never feels a force inside of the model")
     if rows.size == 0:
-        return undecided("the hand never feels a force inside of the model")
-    outward = find_outward(base)
+        return never_inside
+    outward = np.where(free[:, np.newaxis], base.nearest.normal, find_outward(base))
     pull = np.maximum(-np.sum(base.force * outward, axis=1), 0.0)
     lag = base.force_lag
     # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
@@ -55,6 +60,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
     if finding.outcome is Outcome.FAIL and "spring" in base.meta:
         return replace(finding, level=Level.MUST)
+    if finding.outcome is Outcome.PASS and not inside.any():
+        return never_inside
     if finding.outcome is Outcome.PASS and not np.any(leaving[rows] > 0.0):
         return undecided("the hand never leaves: whether it is let go of freely is not known")
     return finding

@@ -1,0 +1,128 @@
+"""Where a hand in free space feels a contact, whatever the renderer reports, and where a rigid tool is held.
+
+A contact begins at or inside the surface, and ends when the tool's way to the hand is open. What is felt elsewhere is
+no contact of the model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.geometry.boundary import Boundary, distance_between
+from hapticeval.phenomena.decisions import FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS
+from hapticeval.phenomena.measures.closed_paths import running_sums
+from hapticeval.phenomena.observed import Observed
+from hapticeval.phenomena.sampling import lengths_of
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.recording import runs_of
+from hapticeval.types import Array, BoolArray, IntArray
+
+
+def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array | None:
+    """Return where a rigid tool that follows the hand is held, (N,), m; None where it gets to the hand.
+
+    From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
+    there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open.
+
+    It is placed to `grain` (m): neither a notch nor a plate thinner than that is seen.
+    """
+    rests = False
+    for _ in range(MOST_FLIGHTS):
+        barred = boundary.first_crossing(tool, hand, grain=grain)
+        if barred is None:
+            return None
+        # Barred where it rests already: a local minimum of the distance to the hand.
+        if rests and distance_between(barred, tool) <= grain:
+            break
+        tool, rests = boundary.descend(barred, hand, step=grain), True
+    return tool
+
+
+def find_felt_in_free_space(base: Observed) -> BoolArray:
+    """Return where a hand in free space feels a contact, (n,): a force above the floor, or an IHIP away from the hand.
+
+    The hand is farther outside than three ticks of its way and what the surface may lie off, and
+
+    - its contact has begun there, and it has not come to the surface since; or
+    - the way from an IHIP at the surface to it is open, and was so for more than three ticks.
+
+    A simulated tool is coupled to the hand by forces, and these are felt in free space, too: an IHIP clear of the
+    surface that trails the hand on its own path, or whose contact is over, is that of such a tool.
+    """
+    pushed = base.pushed_in_free_space.copy()
+    if base.scene.bilateral or not {"ihip", "force"} <= base.channels.keys():
+        return pushed
+    way = _way_in_lag(base)
+    allowed = way + base.across_allowed
+    # Outside by the hand as it is, and as a sensor gave it to the renderer.
+    distance = np.minimum(base.distance, base.as_sensed.distance)
+    felt = (base.pressed | base.contact) & base.apart
+    # Within three ticks of the hand's way the tool is with the hand.
+    rows = np.flatnonzero(felt & (distance > allowed) & (lengths_of(base.ihip - base.hip) > allowed))
+    if rows.size == 0:
+        return pushed
+    clear = base.boundary.signed_distance(base.ihip[rows]) > allowed[rows]
+    trails = np.zeros(rows.size, dtype=bool)
+    trails[clear] = _trails(base, rows[clear], allowed)
+    outside, is_open, barred = (np.zeros(len(base), dtype=bool) for _ in range(3))
+    outside[rows[~trails]] = True
+    grain = FINEST_GRAIN * base.scene.model.size
+    for tick in rows[~clear].tolist():
+        is_open[tick] = _is_way_open(base, tick, float(allowed[tick] + base.resolution), grain)
+        barred[tick] = not is_open[tick]
+    # What is late outlasts a contact by three ticks, or is three ahead of one.
+    settled = np.convolve(barred | (felt & (distance <= 0.0)), np.ones(2 * LAG_TICKS + 1), mode="same") > 0.0
+    return pushed | (is_open & ~settled) | _begun_outside(base, felt, outside, grain)
+
+
+def _way_in_lag(base: Observed) -> Array:
+    """Return how far the hand goes in three ticks, before each or after it, whichever is farther: (n,), m."""
+    along = running_sums(base.hip_steps)
+    ticks = np.arange(along.size)
+    before, after = np.maximum(ticks - LAG_TICKS, 0), np.minimum(ticks + LAG_TICKS, along.size - 1)
+    return np.asarray(np.maximum(along - along[before], along[after] - along))
+
+
+def _trails(base: Observed, rows: IntArray, allowed: Array) -> BoolArray:
+    """Return at which of `rows` (k,) the IHIP is where the hand has been in free space, but for cut corners: (k,).
+
+    Within `allowed` (n,), m, or half of its distance from the hand: so far a tool that follows a path with a lag leaves
+    it where the path turns round.
+    """
+    trails = np.zeros(rows.size, dtype=bool)
+    for begin, end in runs_of(base.distance > 0.0):
+        for row in np.flatnonzero((rows >= begin) & (rows < end)).tolist():
+            tick = int(rows[row])
+            from_path = np.linalg.norm(base.hip[begin : tick + 1] - base.ihip[tick], axis=1)
+            trails[row] = from_path.min() <= max(allowed[tick], 0.5 * from_path[-1])
+    return trails
+
+
+def _is_way_open(base: Observed, tick: int, reach: float, grain: float) -> bool:
+    """Return whether no solid bars the straight way to the hand from the IHIP of a tick, and all within `reach`, m."""
+    boundary, tool, hand = base.boundary, base.ihip[tick], base.hip[tick]
+    if boundary.signed_distance(tool[np.newaxis])[0] < 0.0:
+        tool = boundary.closest_point(tool[np.newaxis]).foot[0]
+    # A wall thinner than the grain holds a tool too: one of the faces at it is between it and the hand.
+    is_at_surface = abs(boundary.signed_distance(tool[np.newaxis])[0]) <= base.rounding
+    angle_outside = boundary.normal_cone(tool[np.newaxis], np.array([base.rounding]))
+    held = is_at_surface and angle_outside((tool - hand)[np.newaxis])[0] < 0.5 * np.pi
+    if held or boundary.first_crossing(tool, hand, grain=grain) is not None:
+        return False
+    return all(boundary.first_crossing(other, hand, grain=grain) is None for other in boundary.around(tool, reach))
+
+
+def _begun_outside(base: Observed, felt: BoolArray, outside: BoolArray, grain: float) -> BoolArray:
+    """Return where a contact is felt, (n,), that has begun outside of the model, up to where the hand is at it."""
+    begun = np.zeros(len(base), dtype=bool)
+    for begin, end in runs_of(outside):
+        # One that was felt before has begun elsewhere, and a recording of others may begin in contact.
+        recorded_in_contact = begin == 0 and base.meta.get("source") not in SIMULATED
+        if recorded_in_contact or felt[max(begin - LAG_TICKS, 0) : begin].any():
+            continue
+        for tick in range(begin, end):
+            last = base.hip[max(tick - LAG_TICKS, 0)]
+            if base.boundary.first_crossing(last, base.hip[tick], grain=grain) is not None:
+                break
+            begun[tick] = True
+    return begun

@@ -1,0 +1,145 @@
+"""Wrong renderers that suites once let pass, and relatives of theirs: a contact out of nowhere, a promise that is none.
+
+Each is round a right renderer. `OVERLOOKED` says where which check stops it, and in what words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from broken import Fault, Make, Spoiled, Tick, spoiled
+
+from hapticeval.discovery import resolve
+from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.scene import Scene
+
+Answer = tuple[np.ndarray, np.ndarray]
+
+
+def near_surface(tick: Tick) -> tuple[np.ndarray, np.ndarray, float]:
+    """The surface point nearest to the hand, the outward normal there, and the hand's distance (m)."""
+    at = tick.scene.model.boundary.closest_point(tick.hip[np.newaxis])
+    return at.foot[0], at.normal[0], float(at.distance[0])
+
+
+def pushes_outside(tick: Tick) -> Answer:
+    """Within 8 mm of the surface the tool stands on it, and a force pushes the hand away that grows towards it."""
+    foot, normal, distance = near_surface(tick)
+    if not 0.0 <= distance < 8e-3:
+        return tick.ihip, tick.force
+    return foot, tick.scene.stiffness * (8e-3 - distance) * normal
+
+
+def pulls_from_outside(tick: Tick) -> Answer:
+    """Within 4 mm of the surface the tool stands on it, and the spring to it draws the hand in."""
+    foot, _, distance = near_surface(tick)
+    return (foot, tick.scene.stiffness * (foot - tick.hip)) if 0.0 < distance < 4e-3 else (tick.ihip, tick.force)
+
+
+def pushes_from_afar(tick: Tick) -> Answer:
+    """From 30 mm on the tool leaps to the far side of the model, so that the solid bars its way to the hand."""
+    foot, normal, distance = near_surface(tick)
+    if not 0.0 < distance < 0.03:
+        return tick.ihip, tick.force
+    return foot - 1.5 * tick.scene.model.size * normal, 3.0 * normal
+
+
+def touches_outside(tick: Tick) -> Answer:
+    """A tool above the surface, 2 mm from the hand and 6 mm from the model, pushes it."""
+    _, normal, distance = near_surface(tick)
+    if not 5e-3 < distance < 7e-3:
+        return tick.ihip, tick.force
+    return tick.hip + 2e-3 * normal, 2.0 * normal
+
+
+class Promising(Spoiled):
+    """A renderer with a fault and a declaration of its own."""
+
+    declares = Declaration(spring=Spring.ERROR)
+
+
+def promising(fault: Fault, **declared: Any) -> Make:
+    """Return the factory of a nearest point with a fault, which declares what is given."""
+    kind = type("Promising", (Promising,), {"declares": Declaration(**declared)})
+    return lambda scene: kind(scene, resolve("minimum-distance")(scene), fault)
+
+
+def one_way(going_in: float, going_out: float) -> Fault:
+    """So many times the force while the depth grows, and while it shrinks."""
+
+    def fault(tick: Tick) -> Answer:
+        depth = float(np.linalg.norm(tick.ihip - tick.hip))
+        grows = depth >= tick.memory.get("depth", 0.0)
+        tick.memory["depth"] = depth
+        return tick.ihip, (going_in if grows else going_out) * tick.force
+
+    return fault
+
+
+def by_turns(tick: Tick) -> Answer:
+    """One stiffness in even ticks, another in odd ones."""
+    return tick.ihip, (0.57 if tick.number % 2 else 1.75) * tick.force
+
+
+def wears_off(tick: Tick) -> Answer:
+    """The stiffness falls by a tenth in 100 ms."""
+    return tick.ihip, max(1.75 - tick.time, 0.57) * tick.force
+
+
+class Lost(Spoiled):
+    """1 kN on a hand that is not a number."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        if not np.isfinite(hip).all():
+            return Response(np.zeros_like(hip), np.full_like(hip, 1e3))
+        return super().step(hip, velocity, dt)
+
+
+def lost(scene: Scene) -> Lost:
+    return Lost(scene, resolve("minimum-distance")(scene), lambda tick: (tick.ihip, tick.force))
+
+
+@dataclass(frozen=True)
+class Overlooked:
+    """A wrong renderer: its factory, the places ("suite/case") where it is stopped, by which check, in what words."""
+
+    make: Callable[[Scene], Any]
+    places: tuple[str, ...]
+    check: str
+    words: str
+
+
+PRESSES = ("field/press-and-leave",)
+VARIES: Mapping[str, Any] = {"stiffness_range": (0.55, 1.8), "memoryless": True}
+WIDE: Mapping[str, Any] = {"stiffness_range": (1 / 32, 32.0), "memoryless": True}
+FREE = "N in free space: it is"
+
+OVERLOOKED: Mapping[str, Overlooked] = {
+    "pushes-outside": Overlooked(spoiled(pushes_outside), PRESSES, "contact-kept", FREE),
+    "pulls-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "contact-kept", FREE),
+    "draws-in-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by"),
+    "pushes-from-afar": Overlooked(spoiled(pushes_from_afar), PRESSES, "contact-kept", FREE),
+    "touches-outside": Overlooked(spoiled(touches_outside), PRESSES, "contact-kept", FREE),
+    "one-way": Overlooked(
+        promising(one_way(0.57, 1.75), **VARIES),
+        (*PRESSES, "solids/nut-rim", "solids/pebble"),
+        "force-magnitude",
+        "one HIP has two forces",
+    ),
+    "one-way-wide": Overlooked(
+        promising(one_way(1 / 31, 31.0), **WIDE), PRESSES, "force-magnitude", "one HIP has two forces"
+    ),
+    "one-way-gives-energy": Overlooked(
+        promising(one_way(0.57, 1.75), **VARIES),
+        ("solids/nut-rim", "solids/pebble", "dynamics-unilateral/cube-pressed-robot"),
+        "passivity",
+        "creates energy",
+    ),
+    "by-turns": Overlooked(promising(by_turns, **VARIES), PRESSES, "force-magnitude", "one HIP has two forces"),
+    "wears-off": Overlooked(promising(wears_off, **VARIES), ("solids/pebble",), "force-magnitude", "one HIP has two"),
+    "lost": Overlooked(lost, PRESSES, "drop-out", "gets 1.73e"),
+}
+"""Name: where and by what it is stopped."""
