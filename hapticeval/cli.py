@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import authors, bench, cache, diff, draw, judging, paper, record, recordings, search
+from hapticeval.commands import authors, bench, cache, diff, draw, judging, paper, record, recordings, reproduce, search
 from hapticeval.commands.arguments import SectionedCommand, SectionedGroup
 from hapticeval.commands.terminal import annotation, on_github, say
 from hapticeval.errors import HapticevalError, printable
@@ -178,6 +178,7 @@ COMMANDS: Mapping[str, Sequence[tuple[Callable[..., None], str, str]]] = Mapping
             (recordings.convert, recordings.CONVERT_CODES, "Convert foreign files, journals and recordings."),
         ),
         "Beside these": (
+            (reproduce.reproduce, reproduce.REPRODUCE_CODES, "Compute figures and tables of the thesis."),
             (judging.merge, judging.MERGE_CODES, "Make one run of several, as of its shards."),
             (diff.badge, diff.BADGE_CODES, "Draw a badge of what a run found."),
             (cache.cache, cache.EXIT_CODES, "Show or remove the compiled kernels."),

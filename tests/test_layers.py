@@ -68,6 +68,7 @@ RESULTS = {
     "runner.standing",
     "study.bench.document",
     "study.projection_field.field",
+    "study.thesis.printed",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""
 

@@ -65,7 +65,7 @@ def flow(
 def write_flow(
     directory: Path, model: Model, flow: Flow | None, *, title: str, cross: tuple[float, ...] | None = None
 ) -> list[Path]:
-    """Draw a flow's levels and lines into `directory` as SVG and PNG; return the paths written.
+    """Draw a flow's levels and lines into `directory` as SVG and PNG, its numbers as JSON; return the paths written.
 
     Without a flow the outline alone, with a `cross` (m) where the flow failed. Raises `HapticevalError` where a file
     cannot be written.
@@ -84,7 +84,13 @@ def write_flow(
                 label="no map: here", zorder=5,
             )  # fmt: skip
         add_legend(fig, 0.85, ncols=3)
-        return save_figure(fig, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)))
+        # m: a flow by the curvature alone leaves the model where that is concave (Figure 5.4)
+        document = (
+            None
+            if flow is None
+            else {"title": title, "outside_m": float(model.boundary.signed_distance(flow.points.reshape(-1, 2)).max())}
+        )
+        return save_figure(fig, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)), document=document)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -290,7 +290,8 @@ def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeyp
 
 FIRST_PAGE = [
     "run", "list", "explain", "report", "figure", "table", "diff", "history", "search", "bench", "new", "doctor",
-    "header", "record", "inspect", "replay", "view", "compare", "convert", "merge", "badge", "cache", "study",
+    "header", "record", "inspect", "replay", "view", "compare", "convert", "reproduce", "merge", "badge", "cache",
+    "study",
 ]  # fmt: skip
 STUDIES = ["field", "limits"]
 COMMANDS = [*([name] for name in FIRST_PAGE if name != "study"), *(["study", name] for name in STUDIES)]

@@ -1,0 +1,1 @@
+"""What the thesis shows, item by item: what shows it here, and whether it comes out as printed."""
