@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict, compared, undecided
     from hapticeval.recordings.hdf5 import read_recording
     from hapticeval.recordings.recording import Recording
-    from hapticeval.renderer import Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
+    from hapticeval.renderer import AtRest, Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
     from hapticeval.runner.planning import RunOptions
     from hapticeval.runner.results import results_schema
     from hapticeval.scene import Scene
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _LAZY = {
     "Array": "hapticeval.types",
+    "AtRest": "hapticeval.renderer",
     "BoolArray": "hapticeval.types",
     "Check": "hapticeval.phenomena.check",
     "Declaration": "hapticeval.renderer",
@@ -84,6 +85,7 @@ _LAZY = {
 
 __all__ = [
     "Array",
+    "AtRest",
     "BoolArray",
     "Check",
     "Declaration",

@@ -213,6 +213,7 @@ def blame_renderer(
 
 CALLS = {
     "factory": "factory(scene)",
+    "place()": "place(rotation, translation)",
     "reset()": "reset(hip)",
     "step()": "step(hip, velocity, dt)",
 }

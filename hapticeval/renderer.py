@@ -13,8 +13,9 @@ import numpy as np
 from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary, is_boundary
+from hapticeval.geometry.pose import Pose, resting_pose
 from hapticeval.recordings.recording import Recording
-from hapticeval.scene import PLANE, SPACE, Scene, requirements
+from hapticeval.scene import MOVING, PLANE, SPACE, Scene, requirements
 from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
 
@@ -212,6 +213,7 @@ class WrappedRenderer:
 
     - `observes_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before
       each step of a scene with a force sensor (8.6);
+    - `places`: whether it has `place(rotation, translation)`, see `place`;
     - `reports_contact`: whether it has `contact`: after a `step` True where that was in contact, else False, or None
       where it does not say;
     - `has_diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
@@ -227,6 +229,7 @@ class WrappedRenderer:
     renderer: Any
     steps: bool
     observes_force: bool = False
+    places: bool = False
     reports_contact: bool = False
     has_diagnostics: bool = False
     law: CompiledStep | None = None
@@ -260,6 +263,14 @@ class WrappedRenderer:
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """Return whatever the renderer answers to a stimulus, sampled every `dt` (s): see `TrajectoryRenderer`."""
         return self.renderer.simulate(stimulus, dt)  # type: ignore[no-any-return]
+
+    def place(self, rotation: Array, translation: Array) -> None:
+        """Tell the renderer where the body is: x of the model's frame is at R x + t in the world; (N, N), and (N,), m.
+
+        Asked before `reset` and before each `step` of a scene whose body moves. HIP, velocity and answers are then in
+        the world.
+        """
+        self.renderer.place(rotation, translation)
 
     def observe_force(self, push: Array) -> None:
         """Hand the hand's measured force (N,), N, on; asked where the renderer observes it."""
@@ -319,6 +330,7 @@ def _wrap(renderer: object) -> WrappedRenderer:
         renderer=renderer,
         steps=not missing,
         observes_force=_has_method(renderer, "observe_force"),
+        places=_has_method(renderer, "place"),
         reports_contact=hasattr(renderer, "contact"),
         has_diagnostics=_has_method(renderer, "diagnostics"),
         law=law,
@@ -374,6 +386,56 @@ def _declared_support(declaring: object) -> frozenset[str] | None:
         if name not in requirements():
             raise UnknownNameError("requirement", name, requirements())
     return frozenset(names) | feels
+
+
+class AtRest:
+    """A renderer of a body that moves, made of one that knows of no motion; what else that offers it offers too.
+
+    The proxy moves with the body before the hand's step, and sweeps the way of the hand relative to the body. So does
+    the velocity that a damper brakes. Until it is placed it answers as the renderer does.
+    """
+
+    def __init__(self, renderer: Any) -> None:
+        self.renderer = renderer
+        self.supports = (wrapped(renderer).supports or frozenset()) | {MOVING}
+        self.pose: Pose | None = None
+        self.before: Pose | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        # what it does not have itself: contact, surface, declares, ... and none that the renderer lacks
+        if name in ("renderer", "observe_force"):
+            if name == "renderer" or not hasattr(self.renderer, name):
+                raise AttributeError(name)
+            return self._observe_force
+        return getattr(self.renderer, name)
+
+    def place(self, rotation: Array, translation: Array) -> None:
+        """Take the pose of the body: `rotation` (N, N), and `translation` (N,), m; before `reset` and each `step`."""
+        pose = Pose(np.array(rotation, dtype=np.float64), np.array(translation, dtype=np.float64))
+        self.before = pose if self.pose is None else self.pose
+        self.pose = pose
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (N,), m, in the world."""
+        self.renderer.reset(hip if self.pose is None else self.pose.to_body(hip))
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """Answer one tick, in the world: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""
+        if self.pose is None or self.before is None:
+            return self.renderer.step(hip, velocity, dt)  # type: ignore[no-any-return]
+        point = self.pose.to_body(hip)
+        relative = self.pose.velocity_in_body(self.before, point, velocity, dt)
+        ihip, force = self.renderer.step(point, relative, dt)
+        return Response(self.pose.to_world(np.asarray(ihip)), self.pose.turned(np.asarray(force)))
+
+    def _observe_force(self, push: Array) -> None:
+        pose = self.pose or resting_pose(push.size)
+        self.renderer.observe_force(pose.turned_back(push))
+
+
+def at_rest(renderer: Renderer, scene: Scene) -> Renderer:
+    """Return a renderer with `AtRest` where the scene's body moves, and else as it is."""
+    return renderer if scene.motion is None else AtRest(renderer)
 
 
 def check_support(scene: Scene, supports: frozenset[str]) -> None:

@@ -13,6 +13,7 @@ from hapticeval.effects.catalogue import EFFECTS, VISCOSITY, in_order
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
+from hapticeval.stimulus.motions import AnyMotion
 
 E = TypeVar("E", bound=Effect)
 
@@ -28,6 +29,8 @@ class Scene:
     - `sampling_time` (s): that of the haptic thread;
     - `effects`: what the scene calls for beside that, at most one of a kind. They are put into the order of the
       catalogue, without those that are off.
+
+    - `motion`: how the body moves that the model is the frame of; None at rest.
 
     An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, and the `inner_loop` that
     turns the renderer's force into joint torques. `believed` is the device that the inner loop takes it for, where that
@@ -48,6 +51,7 @@ class Scene:
     inner_loop: InnerLoop = InnerLoop.STATIC
     believed: Device | None = None
     effects: tuple[Effect, ...] = ()
+    motion: AnyMotion | None = None
 
     def __post_init__(self) -> None:
         for name, unit, zero_allowed in (
@@ -73,6 +77,8 @@ class Scene:
                 f"the inner loop believes in a {self.believed.name}, and the device is a {self.robot.name}",
                 why="other inertias and dampings can be believed in, and no other robot",
             )
+        if self.motion is not None:
+            self.motion.check(dimension=self.model.dimension, size=self.model.size, dt=self.sampling_time)
         # The scene is frozen: this is the one way to put the effects in order.
         object.__setattr__(self, "effects", in_order(self.effects))
         for effect in self.effects:
@@ -125,6 +131,7 @@ class Scene:
         # Effects of the stage ANSWER are put on the answers of any renderer, and so ask nothing of it.
         names = [PLANE if self.model.dimension == 2 else SPACE]
         names += [BILATERAL] if self.bilateral else []
+        names += [] if self.motion is None else [MOVING]
         names += [effect.kind for effect in self.effects if effect.stage is not Stage.ANSWER]
         known = requirements()
         # Kinds without a meaning in the catalogue ask nothing of a renderer.
@@ -141,7 +148,7 @@ class Scene:
         return self.robot if self.believed is None else self.believed
 
 
-PLANE, SPACE, BILATERAL = "plane", "space", "bilateral"
+PLANE, SPACE, BILATERAL, MOVING = "plane", "space", "bilateral", "moving"
 
 
 def requirements() -> dict[str, str]:
@@ -150,5 +157,6 @@ def requirements() -> dict[str, str]:
         PLANE: "the model is a plane curve",
         SPACE: "the model is a surface in space",
         BILATERAL: "the surface holds the tool from both sides",
+        MOVING: "the body moves",
         **{kind: entry.meaning for kind, entry in EFFECTS.items() if entry.meaning},
     }

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
-from hapticeval.renderer import Knob, Settings, refuse_unknown
+from hapticeval.renderer import Knob, Settings, at_rest, refuse_unknown
 from hapticeval.renderers.regulation import REGULATIONS
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class ProjectiveFamily:
         Viscosity (7.18) they do not have: no scheme of section 4.2 brakes along the surface alone.
         """
         space = self.space and self.representation in (TABULATED, "polygon", LUT)
-        return frozenset({"bilateral", "force-sensor", "plane"} | ({"space"} if space else set()))
+        return frozenset({"bilateral", "force-sensor", "moving", "plane"} | ({"space"} if space else set()))
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
@@ -205,7 +205,7 @@ class ProjectiveFamily:
         """The renderer for a scene; its gains are the scene's."""
         from hapticeval.renderers.projective import ProjectiveRenderer
 
-        return ProjectiveRenderer(self._projection(scene), REGULATIONS[self.regulation], scene)
+        return at_rest(ProjectiveRenderer(self._projection(scene), REGULATIONS[self.regulation], scene), scene)
 
     def _projection(self, scene: Scene) -> Projection:
         module, _, function = self.project.partition(":")
@@ -233,7 +233,7 @@ class SetStabilisation:
     representation: str = CURVE
     predicted: bool = False
     regulations = (PREDICTED,)
-    supports = frozenset({"bilateral", "viscosity", "force-sensor", "plane", "space"})
+    supports = frozenset({"bilateral", "viscosity", "force-sensor", "moving", "plane", "space"})
 
     @property
     def representations(self) -> tuple[str, ...]:
@@ -268,7 +268,8 @@ class SetStabilisation:
         if scene.model.dimension == 3:
             from hapticeval.renderers.stabilisation import SurfaceStabilisation
 
-            return SurfaceStabilisation(scene, atlas=self.representation == ATLAS, predicted=self.predicted)
+            made = SurfaceStabilisation(scene, atlas=self.representation == ATLAS, predicted=self.predicted)
+            return at_rest(made, scene)
         if self.representation == ATLAS:
             raise RefusalError(
                 f"model '{scene.model.name}' has no atlas",
@@ -277,7 +278,7 @@ class SetStabilisation:
             )
         from hapticeval.renderers.stabilisation import CurveStabilisation
 
-        return CurveStabilisation(scene, predicted=self.predicted)
+        return at_rest(CurveStabilisation(scene, predicted=self.predicted), scene)
 
 
 set_stabilisation = SetStabilisation()

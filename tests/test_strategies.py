@@ -53,7 +53,18 @@ def test_examples_leave_nothing_in_the_folder(tmp_path):
 
 def test_the_public_names_stay_and_each_is_documented():
     documented = {
-        *("examples", "hand_paths", "laps", "meshes", "plane_models", "pushes", "scenes", "surfaces", "effects"),
+        *(
+            "examples",
+            "hand_paths",
+            "laps",
+            "meshes",
+            "plane_models",
+            "pushes",
+            "scenes",
+            "surfaces",
+            "effects",
+            "motions",
+        ),
         *("MESHES", "PARTS", "PLANE_MODELS", "SURFACES"),
     }
     assert set(strategies.__all__) == documented

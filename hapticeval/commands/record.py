@@ -171,6 +171,12 @@ def _renderer_on_hardware(name: str, scene: Scene) -> WrappedRenderer:
     from hapticeval.discovery import resolve
     from hapticeval.simulation.answers import make_renderer
 
+    if scene.motion is not None:
+        raise InputError(
+            "the scene's body moves, and the hand is a real one",
+            why="who leads a hand on hardware says where the body is; a motion of a suite knows nothing of that hand",
+            todo="leave motion out of the scene",
+        )
     renderer = make_renderer(resolve(name), scene)
     if not renderer.steps:
         raise InputError(

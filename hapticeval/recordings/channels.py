@@ -38,6 +38,9 @@ CHANNELS: Mapping[str, Signal] = MappingProxyType(
         "contact": Signal("1", "1 where the renderer reports contact, 0 where not; absent where it reports none"),
         # As opposed to `force`, which acts on the hand: in quasi-static contact the two cancel.
         "operator_force": Signal("N", "force of the hand on the tool", "world"),
+        # Of a body that moves: x of its frame, in which all of frame `world` is, lies at R x + t.
+        "body_rotation": Signal("1", "rotation of the body, its matrix R row by row; absent where it rests"),
+        "body_translation": Signal("m", "translation t of the body's frame; absent where it rests"),
         "measured_hip": Signal("m", "HIP as the sensors gave it to the renderer; absent where they are exact", "world"),
         "measured_velocity": Signal(
             "m/s", "velocity of the HIP as the renderer was given it; absent where it is exact", "world"

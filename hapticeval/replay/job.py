@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -12,8 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.phenomena.check import LACKING_CHANNEL, Runs
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.sampling import worst_of
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import align_columns
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.difference import Apart, Difference, difference
@@ -23,7 +21,7 @@ from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, concatenated, hand_path, rerender, rerender_backwards
 from hapticeval.replay.subject import REPLAY_SUITE, ReplayCase
 from hapticeval.runner import results
-from hapticeval.runner.judging import Recorded, judge_recorded
+from hapticeval.runner.judging import Recorded, judge_recorded, merge_findings
 from hapticeval.runner.planning import DEFAULT_OPTIONS, Job, Plan, RunOptions
 from hapticeval.runner.work import JudgedJob, seed_all, store_recording
 from hapticeval.scene import Scene
@@ -150,40 +148,6 @@ def prepare_replay(replay_case: ReplayCase) -> ReplayTask:
     Raises `InputError` where no two sound samples follow each other.
     """
     return ReplayTask(replay_case, hand_path(replay_case))
-
-
-RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE)
-"""What one stretch shows outranks what another leaves open: a failure anywhere is one, and so is a question settled."""
-
-
-def merge_findings(findings: Sequence[Finding]) -> Finding:
-    """Combine the findings of a check in each stretch: the worst outcome (`RANK`), then the smallest margin.
-
-    Message and evidence state in how many stretches the check came to what.
-    """
-    if not findings:
-        return Finding(Outcome.INCONCLUSIVE, "no stretch of the recording is long enough to judge")
-    # All stretches say the same: nothing is to be counted.
-    if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
-        return findings[0]
-    # By rank, then by margin: among failures the one that fails by most is shown.
-    gravest = min((finding.outcome for finding in findings), key=RANK.index)
-    candidates = [(index, finding) for index, finding in enumerate(findings) if finding.outcome is gravest]
-    index, worst = worst_of(candidates, lambda candidate: -_margin(candidate[1]))
-    counts = Counter(finding.outcome.value for finding in findings)
-    stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])
-    return replace(
-        worst,
-        message=f"{worst.message} (stretch {index + 1} of {len(findings)}: {stretches})",
-        evidence={**worst.evidence, "stretch": index + 1, "stretches": dict(counts)},
-    )
-
-
-def _margin(finding: Finding) -> float:
-    """Return the margin as a share of the bound; findings without numbers come last."""
-    if finding.margin is None or finding.bound is None:
-        return float("inf")
-    return finding.margin / finding.bound if finding.bound > 0.0 else finding.margin
 
 
 def describe_differences(document: results.ResultsDocument) -> str:

@@ -20,7 +20,7 @@ from hapticeval.suite.reading import case_named
 REPLAY_SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
 
-STRUCTURED_ENTRIES = ("device", "inner_loop", "effects", "model")
+STRUCTURED_ENTRIES = ("device", "inner_loop", "effects", "model", "motion")
 """Entries of a scene that cannot be given as key=value."""
 
 SCENE_ENTRIES = (*(field.name for field in fields(Scene) if field.name != "model"), *short_forms())

@@ -116,7 +116,7 @@ class IdealContact:
     The tool is all that moves, whatever robot the scene names; `ground` is the scene's boundary.
     """
 
-    supports = frozenset({"bilateral", "force-sensor", "plane", "space"})
+    supports = frozenset({"bilateral", "force-sensor", "moving", "plane", "space"})
     """Not viscosity: (3.1) slides without friction. The hand's force moves the tool, so that no sensor is needed."""
 
     def __init__(self, scene: Scene, ground: Ground) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,7 @@ from hapticeval.phenomena.inherent import reason_inherent
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.sampling import note_cut_standoff
+from hapticeval.phenomena.sampling import note_cut_standoff, worst_of
 from hapticeval.phenomena.verdict import Facts, Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import RendererFactory
@@ -71,9 +72,14 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     def record(scene: Scene) -> Recorded:
         siblings = SiblingRuns(factory, scene, case, renderer)
         runs = siblings.runs()
-        return Recorded(runs.base, (runs,), simulated=lambda: siblings.simulated, step_seconds=siblings.step_seconds)
+        return Recorded(
+            runs.base,
+            siblings.judged_parts(runs),
+            simulated=lambda: siblings.simulated,
+            step_seconds=siblings.step_seconds,
+        )
 
-    return judge_recorded(record, lambda findings: findings[0], renderer, suite, case)
+    return judge_recorded(record, merge_findings, renderer, suite, case)
 
 
 def judge_recorded(
@@ -127,6 +133,40 @@ def judge_recorded(
         closed_form=None if recorded is None else next((runs.closed_form for runs in recorded.runs), None),
         step_seconds=None if recorded is None else recorded.step_seconds,
     )
+
+
+RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE)
+"""What one stretch shows outranks what another leaves open: a failure anywhere is one, and so is a question settled."""
+
+
+def merge_findings(findings: Sequence[Finding]) -> Finding:
+    """Combine the findings of a check in each stretch: the worst outcome (`RANK`), then the smallest margin.
+
+    Message and evidence state in how many stretches the check came to what.
+    """
+    if not findings:
+        return Finding(Outcome.INCONCLUSIVE, "no stretch of the recording is long enough to judge")
+    # All stretches say the same: nothing is to be counted.
+    if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
+        return findings[0]
+    # By rank, then by margin: among failures the one that fails by most is shown.
+    gravest = min((finding.outcome for finding in findings), key=RANK.index)
+    candidates = [(index, finding) for index, finding in enumerate(findings) if finding.outcome is gravest]
+    index, worst = worst_of(candidates, lambda candidate: -_margin(candidate[1]))
+    counts = Counter(finding.outcome.value for finding in findings)
+    stretches = ", ".join(f"{counts[outcome.value]} {outcome.value}" for outcome in RANK if counts[outcome.value])
+    return replace(
+        worst,
+        message=f"{worst.message} (stretch {index + 1} of {len(findings)}: {stretches})",
+        evidence={**worst.evidence, "stretch": index + 1, "stretches": dict(counts)},
+    )
+
+
+def _margin(finding: Finding) -> float:
+    """Return the margin as a share of the bound; findings without numbers come last."""
+    if finding.margin is None or finding.bound is None:
+        return float("inf")
+    return finding.margin / finding.bound if finding.bound > 0.0 else finding.margin
 
 
 def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:

@@ -16,7 +16,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.observed import Observed
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.renderer import RendererFactory, WrappedRenderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
@@ -24,6 +24,7 @@ from hapticeval.simulation.checked_calls import ask_without_hip, timed_steps
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.closeup import Closeup
 from hapticeval.simulation.playback import hold_law_to_step, play, play_in_turns, play_while_defined
+from hapticeval.stimulus.motions import unjudged_rows
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
@@ -122,6 +123,33 @@ class SiblingRuns:
             led_on=self.led_on if in_ticks else None,
             dropped_out=self.dropped_out if in_ticks else None,
         )
+
+    def judged_parts(self, runs: Runs) -> tuple[Runs, ...]:
+        """Return the runs that are judged: these, or of a body that jumps those of each stretch between two jumps.
+
+        A jump is no contact, and the answers of three ticks from there on are nobody's. A stretch has the siblings that
+        are made along the whole path, and jump with it; none that lead the hand otherwise.
+        """
+        base, motion = runs.base, self.scene.motion
+        if motion is None or not motion.jumps:
+            return (runs,)
+        ahead = base.meta.get("lead_in_ticks", 0) * self.scene.sampling_time
+        stretches = [rows for rows in runs_of(~unjudged_rows(motion, base.time + ahead)) if rows[1] - rows[0] > 1]
+
+        def part(first: int, end: int) -> Runs:
+            refine, again, without = runs.refine, runs.again, runs.without
+            assert refine is not None
+            assert again is not None
+            return Runs(
+                base.part(slice(first, end)),
+                # row k of the base is row k * factor of the refined run
+                refine=lambda factor: refine(factor).part(slice(factor * first, factor * (end - 1) + 1)),
+                again=lambda: again().part(slice(first, end)),
+                without=None if without is None else lambda kind: without(kind).part(slice(first, end)),
+                pieces=runs.pieces,
+            ).remembered()
+
+        return tuple(part(*rows) for rows in stretches)
 
     def refine(self, factor: int) -> Recording:
         """Record the stimulus at a higher sampling rate; see `Runs.refine`."""

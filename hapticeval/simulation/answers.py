@@ -25,6 +25,7 @@ from hapticeval.renderer import (
     wrapped,
 )
 from hapticeval.scene import Scene
+from hapticeval.simulation.in_the_world import in_the_world
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 def make_renderer(factory: RendererFactory, scene: Scene) -> WrappedRenderer:
     """Return the renderer that a factory makes for a scene, with the scene's effects; all are made and wrapped here.
+
+    One of a body that moves is asked in the frame of the body: see `in_the_world`.
 
     Raises `RefusalError` where the scene asks for what neither factory nor renderer declares to support, and
     `RendererError` for what is no renderer.
@@ -49,7 +52,7 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> WrappedRenderer:
     # Only the renderer itself could say what it supports; where it says nothing, it supports no extra.
     if declared is None:
         check_support(scene, renderer.supports or frozenset())
-    return with_effects(renderer, scene)
+    return with_effects(in_the_world(renderer, scene), scene)
 
 
 def with_effects(renderer: WrappedRenderer, scene: Scene) -> WrappedRenderer:

@@ -34,7 +34,7 @@ from hapticeval.simulation.checked_calls import (
     simulate_checked,
     step_checked,
 )
-from hapticeval.simulation.playback import contact_channel
+from hapticeval.simulation.playback import contact_channel, with_poses
 from hapticeval.stimulus.stimulus import PHASE_EVENT, Experiment, sample_times
 from hapticeval.types import Array
 
@@ -65,6 +65,8 @@ def simulate_closed_loop(renderer: AnyRenderer, experiment: Experiment, scene: S
     `force` is the renderer's, `operator_force` the mean over the tick that follows the sample, and `joint_torque` what
     the motors really give, or its mean where a delay changes it within the tick.
 
+    Of a body that slides evenly the loop runs in the frame of the body, in which a point mass does the same.
+
     A renderer that offers a compiled law is run without Python, with the same numbers.
 
     A state in mid-run that renderer or device is not defined at ends the run there, and so does a tick that drives the
@@ -77,7 +79,7 @@ def simulate_closed_loop(renderer: AnyRenderer, experiment: Experiment, scene: S
     """
     renderer = wrapped(renderer)
     if not renderer.steps:
-        return simulate_checked(renderer, experiment, dt)
+        return with_poses(simulate_checked(renderer, experiment, dt), scene)
     device = scene.robot
     if experiment.dimension != device.dimension:
         raise InputError(
@@ -85,8 +87,9 @@ def simulate_closed_loop(renderer: AnyRenderer, experiment: Experiment, scene: S
             why="hand and device must move in the same space",
         )
     if renderer.law is None and isinstance(device, PointMass) and _has_exact_integral(experiment, scene):
-        return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
-    return _drive_device(renderer, experiment, scene, dt)
+        reach = RUNAWAY * scene.model.size
+        return with_poses(_drive_point_mass(renderer, experiment, device, dt, reach=reach), scene)
+    return with_poses(_drive_device(renderer, experiment, scene, dt), scene)
 
 
 def _has_exact_integral(experiment: Experiment, scene: Scene) -> bool:

@@ -19,6 +19,7 @@ from hapticeval.errors import DomainError, RendererError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.pulse import note_run
 from hapticeval.recordings.recording import Recording, backward_difference, path_velocities
+from hapticeval.recordings.world import pose_channels
 from hapticeval.renderer import AnyRenderer, CompiledStep, WrappedRenderer, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.checked_calls import (
@@ -50,7 +51,7 @@ def play(renderer: AnyRenderer, path: Path, dt: float, *, scene: Scene | None = 
     """
     renderer = wrapped(renderer)
     if not renderer.steps:
-        return simulate_checked(renderer, path, dt)
+        return with_poses(simulate_checked(renderer, path, dt), scene)
     return _play(renderer, *path.sampled(dt), dt, scene)
 
 
@@ -101,7 +102,19 @@ def _play(renderer: WrappedRenderer, time: Array, hips: Array, dt: float, scene:
     # How many steps a log that the renderer keeps itself has before the first row.
     if ticks := len(lead_in_path(renderer, hips, scene)):
         meta["lead_in_ticks"] = ticks
-    return Recording(time, channels, meta=meta)
+    return with_poses(Recording(time, channels, meta=meta), scene)
+
+
+def with_poses(recording: Recording, scene: Scene | None) -> Recording:
+    """Return a recording in the frame of the body with the poses of the body; itself of a body at rest.
+
+    A motion begins with the reset: where the hand is led in first, before the first row.
+    """
+    if scene is None or scene.motion is None:
+        return recording
+    ahead = recording.meta.get("lead_in_ticks", 0) * recording.meta.get("dt", 0.0)
+    poses = scene.motion.pose(recording.time + ahead)
+    return replace(recording, channels={**recording.channels, **pose_channels(poses)})
 
 
 class Answers(NamedTuple):

@@ -1,4 +1,4 @@
-"""Strategies of hypothesis for what a renderer may meet: hand paths, pushes, models, scenes, effects.
+"""Strategies of hypothesis for what a renderer may meet: hand paths, pushes, models, how they move, scenes, effects.
 
 For anyone's tests:
 
@@ -22,6 +22,7 @@ loaded, so that the same seed would give other examples in another program.
 
 from hapticeval.strategies.hand import PARTS, hand_paths, laps, pushes
 from hapticeval.strategies.models import MESHES, PLANE_MODELS, SURFACES, effects, meshes, plane_models, scenes, surfaces
+from hapticeval.strategies.motions import motions
 from hapticeval.strategies.seeded import examples
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "hand_paths",
     "laps",
     "meshes",
+    "motions",
     "plane_models",
     "pushes",
     "scenes",

@@ -26,6 +26,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import AnyTrajectory, ExperimentTable
+from hapticeval.stimulus.motions import AnyMotion, path_in_body
 from hapticeval.stimulus.moves import Move, Moves, shortest_duration
 from hapticeval.stimulus.paths import Trajectory
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
@@ -217,6 +218,8 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             if renderer is not None and self.depth_of == "representation":
                 own = wrapped(renderer).surface
             stimulus = self.trajectory.path(own or scene.model.boundary, self.folder)
+            if scene.motion is not None and stimulus.dimension == scene.model.dimension:
+                stimulus = _path_in_body(stimulus, scene.motion, scene)
         dimension = scene.model.dimension
         if stimulus.dimension != dimension:
             raise InputError(
@@ -240,6 +243,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             stimulus = self.build_stimulus(scene, None)
             if isinstance(stimulus, Experiment):
                 check_workspace(scene, stimulus)
+                _check_even(scene)
             else:
                 _, hips = stimulus.sampled(scene.sampling_time)
                 for effect in scene.effects:
@@ -247,6 +251,41 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             # A closed form holds for certain models and gains only.
             for name in self.closed_form.values():
                 CLOSED_FORMS[name].check(scene)
+
+
+PATH_POINTS_A_TICK = 4
+"""Points of a path that is taken from the world into the body's frame: refined runs see its true shape."""
+
+
+def _path_in_body(path: Path, motion: AnyMotion, scene: Scene) -> Path:
+    """Return the path of a hand, in whichever frame it is given, in the frame of the scene's body.
+
+    Raises `InputError` where a path of the world, or one on a body that jumps, begins inside: a hand that is led in
+    first needs ticks, and the body moves on in them.
+    """
+    if motion.frame == "world":
+        path = path_in_body(path, motion, scene.sampling_time / PATH_POINTS_A_TICK)
+    depth = -float(scene.model.boundary.signed_distance(path.points[:1])[0])
+    if depth > 0.0 and not scene.bilateral and (motion.frame == "world" or motion.jumps):
+        raise InputError(
+            f"a path begins {1e3 * depth:.3g} mm inside a body that moves, in the frame of the {motion.frame}",
+            why="a hand is led in first, and the body would move on meanwhile",
+            todo="let it begin in free space",
+        )
+    return path
+
+
+def _check_even(scene: Scene) -> None:
+    """Raise `InputError` for an experiment with a body in whose frame a device would not do as it does at rest."""
+    motion = scene.motion
+    if motion is not None and not (motion.even and motion.frame == "body" and isinstance(scene.robot, PointMass)):
+        raise InputError(
+            f"an experiment with a {scene.robot.name} and a motion of kind '{motion.kind}' in the frame of the "
+            f"{motion.frame}",
+            why="a loop runs in the frame of the body: it does the same there only of a point mass, on a body that "
+            "slides evenly",
+            todo="give a trajectory, or kind = 'slide'",
+        )
 
 
 @lru_cache(maxsize=128)  # all our suites have 77

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.validate import checked_number
-from hapticeval.renderer import Knob, Settings, refuse_unknown
+from hapticeval.renderer import Knob, Settings, at_rest, refuse_unknown
 
 if TYPE_CHECKING:
     from hapticeval.renderer import Renderer
@@ -34,7 +34,7 @@ class Tunable:
     presets: Mapping[str, Settings] = field(default_factory=dict)
     regulation: str | None = None
     representation: str | None = None
-    supports: frozenset[str] = field(default=frozenset({"plane", "space", "force-sensor"}))
+    supports: frozenset[str] = field(default=frozenset({"moving", "plane", "space", "force-sensor"}))
 
     def with_knobs(self, **values: float) -> Tunable:
         """The same with some knobs set.
@@ -66,7 +66,7 @@ class Tunable:
         make: Callable[..., Renderer] = getattr(import_module(f"hapticeval.renderers.field.{module}"), function)
         chosen = {"regulation": self.regulation} if self.regulations else {}
         chosen |= {"representation": self.representation} if self.representations and not self.presets else {}
-        return make(scene, **chosen, **self.settings)
+        return at_rest(make(scene, **chosen, **self.settings), scene)
 
 
 virtual_proxy = Tunable(

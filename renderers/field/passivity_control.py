@@ -40,10 +40,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.errors import RefusalError
-from hapticeval.renderer import Response, WrappedRenderer, choices_of, wrapped
+from hapticeval.renderer import Response, WrappedRenderer, at_rest, choices_of, wrapped
 
 if TYPE_CHECKING:
-    from hapticeval.renderer import RendererFactory
+    from hapticeval.renderer import Renderer, RendererFactory
     from hapticeval.scene import Scene
     from hapticeval.types import Array
 
@@ -74,9 +74,10 @@ class PassivityControlled:
         choices = choices_of(self.inner)
         return replace(self, inner=choices.with_knobs(**values)) if choices.with_knobs is not None else self
 
-    def __call__(self, scene: Scene) -> WrappedRenderer:
+    def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene. Raises `RefusalError` for one that answers no hand tick by tick."""
-        inner = wrapped(self.inner(scene))
+        # what it observes is the work against the body, which is at rest for both
+        inner = wrapped(self.inner(replace(scene, motion=None)))
         if not inner.steps:
             raise RefusalError(
                 "a passivity controller around a tool with physics of its own",
@@ -87,7 +88,8 @@ class PassivityControlled:
         # A damper is no spring: what remains is whether there is a contact point, and how coarse answers are.
         promise = promise and replace(promise, spring=None, stiffness_range=None, closed_form=None)
         # The compiled step and the diagnostics are of the inner answers; all else holds of the changed ones too.
-        return replace(inner, renderer=Controlled(inner), declares=promise, law=None, has_diagnostics=False)
+        changed = replace(inner, renderer=Controlled(inner), declares=promise, law=None, has_diagnostics=False)
+        return at_rest(changed, scene)
 
 
 def passivity_controlled(inner: RendererFactory) -> PassivityControlled:

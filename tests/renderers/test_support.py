@@ -22,6 +22,7 @@ from hapticeval.runner.judging import judge
 from hapticeval.runner.results import read_results
 from hapticeval.scene import requirements
 from hapticeval.simulation.answers import make_renderer
+from hapticeval.stimulus.motions import Spin
 from hapticeval.study.limits.loop import Place
 from hapticeval.study.limits.search import family_of, simulated_limit
 from hapticeval.suite.reading import load_suite
@@ -34,6 +35,7 @@ ASKING = {
     "bilateral": replace(PLAIN, bilateral=True),
     "viscosity": replace(PLAIN, effects=(Viscosity(0.3),)),
     "force-sensor": SENSED,
+    "moving": replace(PLAIN, motion=Spin(rate=1.0)),
 }
 """Requirement: a scene that asks for it."""
 
@@ -151,15 +153,15 @@ def test_abilities_are_read_once():
 
 
 SUPPORTED = {
-    "ideal": {"plane", "space", "bilateral", "force-sensor"},
-    "conformal": {"plane", "bilateral", "force-sensor"},
-    "mapping": {"plane", "bilateral", "force-sensor"},
-    "constraint": {"plane", "bilateral", "force-sensor"},
-    "minimum-distance": {"plane", "space", "bilateral", "force-sensor"},
-    "minimum-distance@polygon": {"plane", "bilateral", "force-sensor"},
-    "homothetic": {"plane", "space", "bilateral", "force-sensor"},
-    "homothetic@polygon": {"plane", "bilateral", "force-sensor"},
-    "combescure": {"plane", "space", "bilateral", "force-sensor"},
+    "ideal": {"plane", "space", "bilateral", "force-sensor", "moving"},
+    "conformal": {"plane", "bilateral", "force-sensor", "moving"},
+    "mapping": {"plane", "bilateral", "force-sensor", "moving"},
+    "constraint": {"plane", "bilateral", "force-sensor", "moving"},
+    "minimum-distance": {"plane", "space", "bilateral", "force-sensor", "moving"},
+    "minimum-distance@polygon": {"plane", "bilateral", "force-sensor", "moving"},
+    "homothetic": {"plane", "space", "bilateral", "force-sensor", "moving"},
+    "homothetic@polygon": {"plane", "bilateral", "force-sensor", "moving"},
+    "combescure": {"plane", "space", "bilateral", "force-sensor", "moving"},
     "set-stabilisation": set(ASKING),
 }
 

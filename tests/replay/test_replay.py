@@ -20,10 +20,11 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import merge_findings, prepare_replay, replay_plan
+from hapticeval.replay.job import prepare_replay, replay_plan
 from hapticeval.replay.subject import make_replay_case
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
+from hapticeval.runner.judging import merge_findings
 from hapticeval.runner.planning import RunOptions, plan
 from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene

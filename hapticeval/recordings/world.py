@@ -1,0 +1,81 @@
+"""A recording of a body that moves, seen from the body or from the world.
+
+What is recorded and judged is in the frame of the body, with its pose as two channels; people look at the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticeval.errors import at
+from hapticeval.geometry.pose import Pose, check_pose
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.recordings.recording import Recording
+
+POSE_CHANNELS = ("body_rotation", "body_translation")
+"""The channels of a pose: the matrix row by row, (n, N N), and the translation (n, N), m."""
+
+
+def pose_channels(pose: Pose) -> dict[str, Array]:
+    """Return the channels of poses, one a row."""
+    count, size = pose.translation.shape
+    return dict(zip(POSE_CHANNELS, (pose.rotation.reshape(count, size * size), pose.translation), strict=True))
+
+
+def poses_of(channels: Mapping[str, Array]) -> Pose | None:
+    """Return the poses of the body, one a row of the `channels` of a recording; None of a body at rest."""
+    if not channels.keys() >= set(POSE_CHANNELS):
+        return None
+    rotation, translation = (channels[name] for name in POSE_CHANNELS)
+    count, size = translation.shape
+    return Pose(rotation.reshape(count, size, size), translation)
+
+
+def in_world(recording: Recording) -> Recording:
+    """Return a recording as the world saw it, itself of a body at rest; its poses stay with it."""
+    return _seen(recording, world=True)
+
+
+def in_body(recording: Recording) -> Recording:
+    """Return a recording of the world's frame, with the poses of the body, in the frame of the body.
+
+    Raises `InputError`, naming the row, for a pose that is no rotation.
+    """
+    poses = poses_of(recording.channels)
+    if poses is not None:
+        for row in np.flatnonzero(recording.measured):
+            with at(f"row {row}"):
+                check_pose(poses.rotation[row], poses.translation[row], poses.translation.shape[1])
+    return _seen(recording, world=False)
+
+
+def _seen(recording: Recording, *, world: bool) -> Recording:
+    """Return a recording with its channels of places, velocities and forces in the other frame."""
+    poses = poses_of(recording.channels)
+    if poses is None:
+        return recording
+    channels = dict(recording.channels)
+    # the pose of the row before, of which differences backwards are made; of the first row its own
+    before = Pose(*(np.concatenate([values[:1], values[:-1]]) for values in poses))
+    ticks = np.diff(recording.time, prepend=recording.time[0] - 1.0)[:, np.newaxis]
+    hip = channels.get("hip")
+    if hip is not None and not world:
+        hip = poses.to_body(hip)
+    for name, values in recording.channels.items():
+        signal = recording.signals[name]
+        if signal.frame != "world":
+            continue
+        if signal.unit == "m":
+            channels[name] = poses.to_world(values) if world else poses.to_body(values)
+        elif signal.unit == "m/s" and hip is not None:
+            convert = poses.velocity_in_world if world else poses.velocity_in_body
+            channels[name] = convert(before, hip, values, ticks)
+        else:
+            channels[name] = poses.turned(values) if world else poses.turned_back(values)
+    return replace(recording, channels=channels)
