@@ -484,15 +484,19 @@ def list_(
 def explain(
     check: Annotated[
         list[str],
-        argument(metavar="CHECK", help="A check's id, as in `hapticeval list checks`, or a word of the field for it."),
+        argument(
+            metavar="CHECK",
+            help="A check's id, as in `hapticeval list checks`, a word of the field for it, or a number of the thesis.",
+        ),
     ],
 ) -> None:
-    """Explain what a check asks, measures and allows, and why.
+    """Explain what a check asks, measures and allows, and why; or what shows a part of the thesis.
 
     \b
     Examples:
       hapticeval explain continuous-contact
       hapticeval explain pop-through
+      hapticeval explain 6.22 (also table-6.3, "(4.12)")
     """
     from hapticeval.commands import listing
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from types import MappingProxyType
@@ -162,13 +163,17 @@ def listing_text(what: str, named: Sequence[str] = ()) -> str:
 def explanation(word: str) -> str:
     """Return what is asked first of a check by its id or by a word of the field for it, as `pop-through`.
 
-    Where several checks have that word in their ids or are called so, or their pages use it, it lists those. Raises
-    `UnknownNameError` for a word of none, and `InputError` for what is no check, but a renderer, a case or the like.
+    Where several checks have that word in their ids or are called so, or their pages use it, it lists those. A number
+    of the thesis, as 6.22, table-6.3 or (4.12), is explained by what shows it. Raises `UnknownNameError` for a word of
+    none, and `InputError` for what is no check, but a renderer, a case or the like.
     """
     from hapticeval.phenomena.registry import CHECKS, checks_called, has_word, read_pages
+    from hapticeval.study.thesis.printed import PLACE
 
     if word in CHECKS:
         return columns(check_rows(CHECKS[word]))
+    if PLACE.fullmatch(word):
+        return paragraphs(*map(columns, place_parts(word)))
     called = checks_called(word)
     if len(called) == 1:
         return columns(check_rows(CHECKS[called[0]]))
@@ -189,6 +194,31 @@ def explanation(word: str) -> str:
         f"'{word}' is {where} {plural(len(named), 'check')}; hapticeval explain CHECK has more:",
         columns((name, pages[name].question) for name in named),
     )
+
+
+def place_parts(name: str) -> Iterator[Rows]:
+    """Yield the rows of each item of the thesis that a name means, and the checks that cite it.
+
+    Raises as `items_named`.
+    """
+    from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.study.thesis.printed import PLACE, items_named, slug_of
+
+    for place, item in items_named(name).items():
+        yield chain(
+            [(place, item.title)],
+            [("not computed", item.not_computed)] if item.not_computed else [],
+            [("shown by", source) for source in (*item.drawn_cases, *item.studies, *filter(None, [item.suite]))],
+            [("claim", f"{claim.says} ({claim.in_print})") for claim in item.claims],
+            [("compute it", f"hapticeval reproduce {slug_of(place)}")] if not item.not_computed or item.claims else [],
+        )
+    match = PLACE.fullmatch(name)
+    assert match is not None, "items_named refuses it"
+    # As "6.22", not within "6.220" or "16.22".
+    cited = re.compile(rf"(?<![\d.]){re.escape(match[2])}(?![\d.])")
+    checks_citing = [check.id for check in CHECKS.values() if cited.search(check.citation)]
+    if checks_citing:
+        yield iter([("checks that cite it", ", ".join(checks_citing))])
 
 
 def check_rows(check: Check) -> Rows:

@@ -57,6 +57,22 @@ def test_what_the_thesis_has_not_is_refused(capsys):
     assert "did you mean figure-6.22" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("6.22", ["Figure 6.22", "dynamics-circle/circle", "hapticeval reproduce figure-6.22"]),
+        ("table-6.3", ["Table 6.3", "hapticeval reproduce table-6.3", "centripetal-force"]),
+        ("(4.12)", ["Table 4.1", "PP+D", "hapticeval reproduce table-4.1"]),
+        ("figure-6.3", ["Figures 6.2 and 6.3", "hapticeval reproduce figure-6.2"]),
+        ("figure-2.5", ["not computed photographs"]),
+    ],
+)
+def test_a_number_of_the_thesis_is_explained_by_what_shows_it(word, said, capsys):
+    assert main(["explain", word]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert [words for words in said if words not in text] == []
+
+
 @pytest.mark.system
 def test_all_of_it_comes_out_or_is_explained(tmp_path):
     assert main(["reproduce", "all", "-o", str(tmp_path)]) == 0

@@ -185,7 +185,7 @@ def items_named(name: str) -> Mapping[str, Item]:
     }
     if not chosen:
         # "Figures 6.2 and 6.3" is meant by figure-6.2 and by figure-6.3.
-        known = [f"{place.partition(' ')[0].lower().rstrip('s')}-{k}" for place in items for k in numbers_of(place)]
+        known = [f"{slug_of(place).partition('-')[0]}-{k}" for place in items for k in numbers_of(place)]
         raise UnknownNameError("part of the thesis", name, [*known, "chapter-6", "all"])
     return chosen
 
@@ -197,5 +197,6 @@ def chapter_of(name: str) -> str:
 
 
 def slug_of(name: str) -> str:
-    """Return the name of an item for a file or an anchor: "figure-6.22"."""
-    return re.sub(r"[ ,]+", "-", name.lower().replace("figures", "figure").replace("sections", "section"))
+    """Return the name of an item for the command, a file or an anchor, by its first number: "figure-6.22"."""
+    kind = name.partition(" ")[0].lower().rstrip("s")
+    return f"{kind}-{re.findall(PRINTED_NUMBER, name)[0].lower()}"
