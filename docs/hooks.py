@@ -28,6 +28,9 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "build" / "pages"
 """Where the pages were run."""
 
+THESIS = ROOT / "results" / "thesis"
+"""Where `make run` puts what the thesis shows."""
+
 PICTURE = re.compile(r"\]\(pictures/([\w.-]+\.svg)\)")
 
 USES = {
@@ -68,7 +71,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if (kept := files.get_file_from_path(address)) is not None:
             files.remove(kept)
         files.append(File.generated(config, address, abs_src_path=str(drawn)))
-    for name, folder in reports().items():
+    # The report of results/ links it as ../thesis/index.html.
+    thesis = {"thesis": THESIS} if (THESIS / "index.html").exists() else {}
+    for name, folder in (reports() | thesis).items():
         for file in sorted(path for path in folder.rglob("*") if path.is_file()):
             address = f"reports/{name}/{file.relative_to(folder).as_posix()}"
             files.append(File.generated(config, address, abs_src_path=str(file)))
@@ -114,6 +119,8 @@ def report_links() -> Iterator[str]:
     yield "What `hapticeval run` found of the built-in renderers, each verdict with its place.\n"
     for name in reports():
         yield f'- <a href="../reports/{name}/index.html">{name}</a>'
+    if (THESIS / "index.html").exists():
+        yield '- <a href="../reports/thesis/index.html">The thesis by number</a>, computed and compared'
     if not reports():
         yield "None is in this copy of the site. `make site` judges the built-in renderers and puts their report here."
 

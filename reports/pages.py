@@ -118,6 +118,7 @@ class ReportView:
     - `effects`: panels of effects
     - `counterexamples`: of a search
     - `replayed`: a recording that was replayed into replay/
+    - `has_thesis`: what the thesis shows lies in thesis/
     - `single`: with it all is on one page, which links to itself
     """
 
@@ -127,6 +128,7 @@ class ReportView:
     effects: Sequence[EffectPlot] = ()
     counterexamples: Sequence[Counterexample] = ()
     replayed: ResultsDocument | None = None
+    has_thesis: bool = False
     single: Single | None = None
 
     # What the run amounts to.
@@ -264,7 +266,7 @@ class ReportView:
         runs = [run for run in self.results.runs if run.replay]
         if runs or self.replayed is None:
             return Replays(runs, None)
-        page = ("replay" if self.single else "../replay") + "/report/index.html"
+        page = self.beside("replay/report/index.html")
         return Replays([run for run in self.replayed.runs if run.replay], page)
 
     @property
@@ -302,6 +304,10 @@ class ReportView:
         return CLOSED_FORMS
 
     # Where things are.
+
+    def beside(self, path: str) -> str:
+        """Return the link to what lies in the result folder, beside the report."""
+        return path if self.single else f"../{path}"
 
     def page_link(self, name: str) -> str:
         """Return the link to one of `SUB_PAGES`."""

@@ -39,6 +39,9 @@ from hapticeval.workers import Answer, ProcessEnded, Workers
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
 
+THESIS = "thesis"
+"""The folder below a result folder that holds what the thesis shows, which the first page links."""
+
 SINGLE_FILE = "report.html"
 """The report as one file."""
 
@@ -142,7 +145,8 @@ def write_reports(
     - `workers`: the processes over which the drawing is spread
     - `stopped`: asked again and again whether to give up drawing; the pages are then written without what is left, or,
       where an earlier report is there, that stays and `KeyboardInterrupt` is raised
-    - `counterexamples`: shown on the first page, as is what a recording gave that was replayed into replay/
+    - `counterexamples`: shown on the first page, as is what a recording gave that was replayed into replay/, and
+      linked what `hapticeval reproduce` has left in thesis/
 
     A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as `read_results`
     does, and `HapticevalError` where a file cannot be written.
@@ -171,6 +175,7 @@ def write_reports(
             effects=effects,
             counterexamples=counterexamples,
             replayed=replayed_results,
+            has_thesis=(directory / THESIS / INDEX).exists(),
             single=_single_page(sections) if single_file else None,
         )
         texts = render_pages(view)

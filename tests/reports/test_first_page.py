@@ -510,3 +510,16 @@ def test_a_suite_stands_on_the_first_page_with_its_version():
     assert (
         ">synthetic 1.2</span>" in render_pages(ReportView(changed(synthetic_results(), suites=[suite])))["index.html"]
     )
+
+
+@pytest.mark.parametrize("single_file", [False, True])
+def test_what_the_thesis_shows_is_linked_where_it_lies_beside(tmp_path, undrawn, single_file):
+    write_results(tmp_path, synthetic_results())
+    page = tmp_path / ("report.html" if single_file else "report/index.html")
+    write_reports(tmp_path, single_file=single_file, workers=0)
+    assert not any("thesis/" in link for link in Page(page.read_text(encoding="utf-8")).links)
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "index.html").write_text("<!doctype html>")
+    write_reports(tmp_path, single_file=single_file, workers=0)
+    (link,) = [link for link in Page(page.read_text(encoding="utf-8")).links if "thesis/" in link]
+    assert (page.parent / link).exists()
