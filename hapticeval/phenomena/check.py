@@ -140,6 +140,9 @@ def _has_corners(boundary: Boundary) -> tuple[bool, bool]:
     return any(convex), not all(convex)
 
 
+FREE_THROUGHOUT = "the hand stays in free space, and feels nothing there"
+"""What is so of a whole case that a right renderer answers by nothing."""
+
 NOBODY = "a recording shows one run only, and nobody can be asked for another"
 """Why a check that needs a sibling is not asked of a recording."""
 
@@ -266,4 +269,8 @@ class Check:
         for channel in self.channels:
             if channel not in runs.base.channels:
                 return without_channel(channel)
-        return self.judge(runs, scene)
+        finding = self.judge(runs, scene)
+        if finding.outcome is Outcome.INCONCLUSIVE and runs.observed(scene).stays_free:
+            # What a right renderer leaves undecided there is no fault of its.
+            return replace(finding, outcome=Outcome.NOT_APPLICABLE, message=f"{FREE_THROUGHOUT}: {finding.message}")
+        return finding

@@ -159,9 +159,12 @@ def _find_ihip_lag(recording: Recording, scene: Scene, contact: BoolArray) -> fl
 
     The misfit is the mean of what is left of that displacement: all of it in free space, and its part along the surface
     in contact. A map that has its contact point elsewhere fits at no lag.
+
+    A tool may be late in contact alone, where a slow thread moves it: rows in which it is with the hand tell nothing.
     """
     # A queue that starts with the run is not filled before.
-    rows = _spread_rows(np.arange(LAG_TICKS, len(recording), dtype=np.int64))
+    rows = np.arange(LAG_TICKS, len(recording), dtype=np.int64)
+    rows = _spread_rows(rows[(contact | recording.apart)[LAG_TICKS:]])
     if rows.size == 0:
         return 0.0
     ihip = recording.ihip[rows]

@@ -25,6 +25,7 @@ from hapticeval.phenomena.sampling import (
     mm,
     rounding,
     steps_to,
+    unit_vectors,
     worst_row,
 )
 from hapticeval.recordings.channels import SIMULATED
@@ -124,6 +125,21 @@ class Observed:
         """How far the HIP is from the model, (n,), m, negative inside."""
         return _shared(self.boundary.signed_distance(self.hip))
 
+    def nearest_as_rendered(self, rows: slice) -> Array:
+        """Return the point nearest to each HIP of `rows` on the surface as it is rendered, (k, N), m.
+
+        That is the model's own, and as far off it as the IHIP, within the standoff: of a ball the centre, whose places
+        over two faces are farther apart than the feet on these.
+        """
+        hip = self.hip[rows]
+        frame = self.boundary.closest_point(hip)
+        inwards = frame.distance < -self.rounding
+        away = np.where(inwards[:, np.newaxis], unit_vectors(frame.foot - hip), frame.normal)
+        if not self.standoff:
+            return frame.foot
+        off = np.clip(self.boundary.signed_distance(self.ihip[rows]), -self.standoff, self.standoff)
+        return np.asarray(frame.foot + off[:, np.newaxis] * away)
+
     # Forces
 
     @cached_property
@@ -221,16 +237,17 @@ class Observed:
     def lingering(self) -> BoolArray:
         """Where a force is still felt though the tool is free again, (n,): what a late force leaves of a contact.
 
-        The IHIP is with the HIP outside of the model, and was apart from it `LAG_TICKS` ticks ago at the most; a force
-        that stays longer is none of these. There is no contact point there.
+        The IHIP is with the HIP outside of the model, after a contact in which it was apart. There a tool is where it
+        should be, however long the force stays: that it does is for `contact-kept` to say.
         """
         late = np.zeros(len(self), dtype=bool)
         if not self.scene.bilateral and {"ihip", "force"} <= self.channels.keys():
             # A force with the IHIP at the HIP, after a contact whose IHIP was elsewhere: the force alone is late.
             for first, end in runs_of(self.pressed & ~self.apart):
-                # The contact is within the lag of the last of these rows, and so of all.
-                if self.apart[max(end - 1 - LAG_TICKS, 0) : first].any():
-                    late[first:end] = np.all(self.boundary.signed_distance(self.hip[first:end]) >= 0.0)
+                if self.apart[max(first - LAG_TICKS, 0) : first].any():
+                    late[first:end] = np.logical_and.accumulate(
+                        self.boundary.signed_distance(self.hip[first:end]) >= 0.0
+                    )
         return _shared(late)
 
     @cached_property
@@ -249,6 +266,24 @@ class Observed:
             around = np.pad(outside, LAG_TICKS, constant_values=True)
             pushed &= np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
         return _shared(pushed)
+
+    @cached_property
+    def stays_free(self) -> bool:
+        """Whether a simulated hand never comes to the model, and feels nothing: a case that asks for free space alone.
+
+        The way from each HIP to the next is clear where the distances at its ends cover it, or the solid does not bar
+        it. Of a recording of others it is not known what was to be touched.
+        """
+        if self.scene.bilateral or self.meta.get("source") not in SIMULATED:
+            return False
+        if not {"ihip", "force"} <= self.channels.keys() or self.pressed.any() or self.contact.any():
+            return False
+        near = self.distance[1:] + self.distance[:-1] < self.hip_steps
+        grain = PLACE_ROUNDING * self.scene.model.size
+        return bool(np.all(self.distance > 0.0)) and not any(
+            self.boundary.first_crossing(self.hip[row], self.hip[row + 1], grain=grain) is not None
+            for row in np.flatnonzero(near).tolist()
+        )
 
     @cached_property
     def holding(self) -> BoolArray:
@@ -432,6 +467,15 @@ class Observed:
         return min(self.recording.resolution, COARSEST_RESOLUTION * self.boundary.girth)
 
     @property
+    def hop_tolerance(self) -> float:
+        """How far apart two contact points of one place may be, m: the standoff, and the resolution once at each end.
+
+        A resolution above a HIP step is that of facets, over which no hop is excused.
+        """
+        resolution = self.recording.resolution
+        return self.standoff + (2.0 * resolution if resolution <= self.hip_step else 0.0)
+
+    @property
     def position_tolerance(self) -> float:
         """How well a contact point can be placed, m: three ticks of lag and the standoff."""
         return LAG_TICKS * self.hip_step + self.standoff
@@ -506,7 +550,7 @@ class Observed:
 
     def with_channels(self, **channels: Array) -> Observed:
         """Return the same with other `channels` in place of those of their names."""
-        return Observed(Recording(self.time, {**self.channels, **channels}, self.meta), self.scene)
+        return Observed(self.recording.with_channels(**channels), self.scene)
 
     @cached_property
     def with_nearest_points(self) -> Observed:

@@ -43,6 +43,6 @@ def region_of(recording: Observed, tick: int) -> Region:
 
 
 def nearest_jump(recording: Observed, tick: int) -> float:
-    """Return how far the model's own nearest point moves between a tick and the one before, m."""
-    feet = recording.boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1]).foot
-    return float(np.linalg.norm(feet[-1] - feet[0]))
+    """Return how far the nearest point of the surface as it is rendered moves from the tick before to `tick`, m."""
+    points = recording.nearest_as_rendered(slice(max(tick - 1, 0), tick + 1))
+    return float(np.linalg.norm(points[-1] - points[0]))

@@ -310,6 +310,10 @@ class Recording:
     def __len__(self) -> int:
         return int(self.time.size)
 
+    def with_channels(self, **channels: Array) -> Recording:
+        """Return the same recording with some `channels`, as in `channels`, in place of those of their names."""
+        return replace(self, channels={**self.channels, **channels})
+
     def part(self, rows: slice) -> Recording:
         """Return some of the rows, one after the other, on the same time base, with the events that fall among them.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -222,7 +222,7 @@ def _simulate_recorded(renderer: WrappedRenderer, time: Array, hip: Array, dt: f
             why="a replay needs an answer at every recorded sample",
         )
     meta = {**answer.meta, "source": "replay", **renderer.meta, "dt": dt}
-    return Recording(time, answer.channels, meta, events=answer.events)
+    return replace(answer, time=time, meta=meta)
 
 
 def concatenated(parts: Sequence[Recording]) -> Recording:

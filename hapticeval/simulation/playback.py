@@ -74,7 +74,7 @@ def play_while_defined(renderer: AnyRenderer, path: Path, dt: float, *, scene: S
             raise
         recording = _play(renderer, time[:count], hips[:count], dt, scene)
         ended = {"tick": count, "time": float(time[count]), "what": error.what, "why": error.why}
-        return Recording(recording.time, recording.channels, {**recording.meta, "ended": ended})
+        return replace(recording, meta={**recording.meta, "ended": ended})
 
 
 def rows_defined(lead: Callable[[int], object], count: int) -> int:

@@ -189,12 +189,13 @@ class TestTrailing:
         assert CHECKS["contact-kept"](Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
 
 
-def test_a_hand_that_stays_outside_shows_nothing():
+def test_a_hand_that_stays_outside_is_right_to_feel_nothing():
     finding = finding_of(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
-    assert finding.outcome is Outcome.INCONCLUSIVE
+    assert finding.outcome is Outcome.PASS
     assert "metre" not in finding.message
     # A log in millimetres that were taken for metres.
     far = finding_of(resolve("minimum-distance"), circle(), along([0.0, 101.0], [10.0, 99.0]))
+    assert far.outcome is Outcome.NOT_APPLICABLE
     assert "is its unit the metre?" in far.message
 
 

@@ -99,7 +99,7 @@ def test_its_margin_is_a_standoff_where_it_is_declared_and_a_fault_where_it_is_n
         finding_of("solids/cube-edge", "continuous-contact", make) for make in (FingerProxy, Undeclared)
     )
     assert declared.outcome is Outcome.PASS
-    assert "declared standoff of 0.1 mm" in declared.message
+    assert "0.1 mm of the declared standoff" in declared.message
     assert silent.outcome is Outcome.FAIL
 
 

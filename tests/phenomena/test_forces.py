@@ -184,7 +184,8 @@ def test_a_rigid_collision_passes_whatever_the_operator_pushes_meanwhile(speed, 
     recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
     finding = found("impulsive-collision", recording, scene)
     if met_squared < 0.0:
-        assert (finding.outcome, finding.message) == (UNDECIDED, "the tool does not fly freely into the surface")
+        assert finding.outcome is NO
+        assert "the tool does not fly freely into the surface" in finding.message
         return
     assert finding.outcome is PASS
     assert type(finding.metric.value) is type(finding.bound) is float

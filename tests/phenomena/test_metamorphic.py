@@ -91,11 +91,11 @@ def test_a_recording_and_a_scene_with_effects_are_not_asked():
     assert "friction" in found.message
 
 
-def test_a_hand_that_never_touches_decides_nothing():
+def test_a_hand_that_never_touches_is_not_judged():
     far = {"kind": "points", "points": [[0.3, 0.0], [0.4, 0.0]], "duration": 0.01}
     table = {"name": "c", "title": "c", "model": {"kind": "star"}, "checks": list(IDS), "trajectory": far}
     verdicts = judge(resolve("constraint"), "r", "s", convert(table, Case, "c")).verdicts
-    assert {verdict.outcome for verdict in verdicts} == {Outcome.INCONCLUSIVE}
+    assert {verdict.outcome for verdict in verdicts} == {Outcome.NOT_APPLICABLE}
 
 
 def test_a_renderer_that_takes_one_model_alone_is_asked_beside_one_on_the_same():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
-from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
+from hapticeval.phenomena.check import FREE_THROUGHOUT, Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.decisions import COARSEST_GRAIN, FINEST_GRAIN, LAG_TICKS, TOOL_GRAIN
 from hapticeval.phenomena.measures.closed_paths import running_sums
 from hapticeval.phenomena.measures.free_space import find_felt_in_free_space, follow
@@ -63,7 +63,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         # So far off that somebody may have taken millimetres for metres.
         if away > scene.model.size:
             reason += f"; the hand stays {mm(away)} away, farther than the model is large: is its unit the metre?"
-        return undecided(reason)
+            return undecided(reason)
+        if not base.stays_free:
+            return undecided(reason)
+        return Finding(Outcome.PASS, FREE_THROUGHOUT, CHECK.measured(0.0), float(allowed.max()))
     worst = worst_row(gap - allowed)
     metric = CHECK.measured(gap[worst])
     bound = float(allowed[worst])

@@ -198,8 +198,30 @@ def _force_deviation(
     """Return the angle (n,), rad, of each force above the floor outside of the true normals around its IHIP.
 
     `angle_outside` measures it. A spring from a late IHIP to the present HIP is tilted by the HIP's travel since: with
-    a `lag` (ticks) the spring to the HIP that the IHIP answers is measured.
+    a `lag` (ticks) the spring to the HIP that the IHIP answers is measured, too. Where a contact has just begun that
+    HIP may be less late: a tool that is late in contact alone waits for its first answers.
     """
+    deviation = _deviation_with_lag(recording, pressed_rows, angle_outside, None)
+    if lag is None:
+        return deviation
+    # Rows within three ticks of a begin, (n,): in the row before them nothing was pressed.
+    pressed = np.pad(recording.pressed, (LAG_TICKS, 0))
+    around = np.lib.stride_tricks.sliding_window_view(pressed, LAG_TICKS + 1)[pressed_rows]
+    begins = ~np.all(around, axis=1)
+    for ticks in (*range(1, math.ceil(lag)), lag):
+        late = _deviation_with_lag(recording, pressed_rows, angle_outside, ticks)
+        counts = begins | (ticks == lag)
+        deviation[counts] = np.minimum(deviation, late)[counts]
+    return deviation
+
+
+def _deviation_with_lag(
+    recording: Observed,
+    pressed_rows: IntArray,
+    angle_outside: Callable[[Array], Array],
+    lag: float | None,
+) -> Array:
+    """Return the angles (n,), rad, of `_force_deviation` with one `lag` (ticks), None for the forces as they are."""
     force = recording.force[pressed_rows]
     if lag is not None:
         depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[pressed_rows]

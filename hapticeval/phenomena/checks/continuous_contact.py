@@ -171,7 +171,7 @@ def _continuous_message(base: Observed, jump: float) -> str:
 
 def _judge_refined(base: Observed, refine: Callable[[int], Observed], tick: int | None = None) -> Finding:
     """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
-    surface_gap = base.standoff
+    surface_gap = base.hop_tolerance
     jump, worst = worst_step(base, bounds_with_flights(base, LAG_TICKS, surface_gap))
     tick = worst if tick is None else tick
     evidence = _jump_evidence(base, tick)
@@ -205,7 +205,7 @@ def _judge_refined(base: Observed, refine: Callable[[int], Observed], tick: int 
         message = f"steep: the IHIP moves {where}, in one step, and refinement does not settle it"
         return undecided(message, metric, bound, evidence)
     if slope < JUMP_SLOPE and remaining > bound - surface_gap:
-        message = f"a jump of {where}, stays within the declared standoff of {mm(surface_gap)}"
+        message = f"a jump of {where}, stays within the {mm(surface_gap)} of the declared standoff and resolution"
     elif jumps[-1] > bound:
         message = (
             f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
@@ -223,7 +223,7 @@ def _fault_of_sibling(base: Observed, fine: Observed, factor: int, tick: int) ->
 
     A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
     """
-    allowed = float(step_bounds(base, LAG_TICKS, base.standoff)[tick])
+    allowed = float(step_bounds(base, LAG_TICKS, base.hop_tolerance)[tick])
     # Tick k of the base is row k `factor` of the finer run; begun as much earlier as an answer may be late.
     rows = slice(factor * max(tick - 1 - LAG_TICKS, 0), factor * tick + 1)
     if rows.stop > len(fine):
@@ -251,7 +251,7 @@ def _judge_closely(
     path: Refinable, base: Observed, refine: Callable[[int], Observed], pieces: Boundary | None
 ) -> Finding:
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
-    surface_gap = base.standoff
+    surface_gap = base.hop_tolerance
     bounds = bounds_with_flights(base, HALF_LAG_STEPS, surface_gap)
     if pieces is not None:
         bounds = with_steps_of_pieces(base, bounds, pieces)
@@ -270,7 +270,7 @@ def _judge_closely(
                 "one step; finer ones shrink it"
             )
         elif jump > bound - surface_gap:
-            message = f"a step of {mm(jump)} is within the declared standoff of {mm(surface_gap)}"
+            message = f"a step of {mm(jump)} is within the {mm(surface_gap)} of the declared standoff and resolution"
         else:
             message = _continuous_message(base, float(steps.max()))
         metric = CHECK.measured(steps[longest])
@@ -318,7 +318,7 @@ def _jump_without_nearest_point(
     Of several jumps a finding has the longest only. A renderer without memory may owe that one to the medial axis, and
     not the others: the longest steps of the nearest point are allowed for here, in the `bounds` (n,), m.
     """
-    nearest_steps = largest_in_lag(steps_to(base.nearest.foot))
+    nearest_steps = largest_in_lag(steps_to(base.nearest_as_rendered(slice(None))))
     place = look_closer(path, base, bounds=bounds + nearest_steps, standoff=surface_gap)
     return place if place is not None and place.kind is Remains.STAYS else None
 
@@ -385,7 +385,7 @@ def _judge_fixed(base: Observed) -> Finding:
     - where kappa d comes close to 1: there a long step may be honest;
     - where the step grows when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    bounds = bounds_with_flights(base, LAG_TICKS, base.standoff)
+    bounds = bounds_with_flights(base, LAG_TICKS, base.hop_tolerance)
     jump, tick = worst_step(base, bounds)
     ends = base.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     # kappa d, with the largest curvature at either end of the step

@@ -15,7 +15,6 @@ from hapticeval.phenomena.lag import beside_straight, delayed, likely_force_lags
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, surface_force_of
 from hapticeval.phenomena.verdict import Finding, Outcome, not_applicable
 from hapticeval.quantity import plural
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
 FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
@@ -103,4 +102,4 @@ def _hold_back(runs: Runs, ticks: Mapping[str, float]) -> Runs:
     base = runs.base
     rows = np.arange(len(base), dtype=np.int64)
     channels = {name: delayed(base.channels[name], rows, late) for name, late in ticks.items() if name in base.channels}
-    return replace(runs, base=Recording(base.time, {**base.channels, **channels}, base.meta))
+    return replace(runs, base=base.with_channels(**channels))

@@ -102,6 +102,12 @@ def _worst_with_lag(base: Observed, pairs: _Pairs, lag: float) -> TwoForces | No
         lengths_of(delayed(base.ihip, rows, -lag) - delayed(other.ihip, other_rows, -lag)),
         lengths_of(base.ihip[rows] - other.ihip[other_rows]),
     )
+    # Another contact point is another place.
+    same_place = ihips_apart <= base.position_tolerance + base.resolution
+    if not same_place.any():
+        return None
+    rows, other_rows, ihips_apart = rows[same_place], other_rows[same_place], ihips_apart[same_place]
+    force, other_force = force[same_place], other_force[same_place]
     difference = lengths_of(force - other_force)
     # The spring's force, by how hands and IHIPs are apart.
     apart = lengths_of(base.hip[rows] - other.hip[other_rows]) + ihips_apart

@@ -92,7 +92,7 @@ def test_a_scene_without_such_an_effect_is_not_asked(check):
 def test_without_a_contact_or_a_force_to_compare_with_nothing_is_decided(check):
     ring = ContactTransient(material="wood")
     scene = Scene(model=make_model("line"), effects=(ring,))
-    assert judged((ring,), [[0.0, 0.01], [0.0, 0.005]], 0.1)(check).message.startswith("no contact begins")
+    assert ": no contact begins" in judged((ring,), [[0.0, 0.01], [0.0, 0.005]], 0.1)(check).message
     assert judged((ring,), [[0.0, -0.001], [0.0, -0.005]], 0.1)(check).message.startswith("no contact begins")
     path = Path(np.array([0.0, 0.1]), np.array([[0.0, 0.01], [0.0, -0.01]]))
     run = play(make_renderer(resolve("minimum-distance"), scene), path, 1e-3)

@@ -1,0 +1,138 @@
+"""Right renderers that suites once blamed, and relatives of theirs; and late ones, to be blamed for what they do alone.
+
+Each is round a right renderer. `RIGHT` names those that no check may stop, and where they are led.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from broken import Fault, Make, Spoiled, Tick
+from honest import Changed
+
+from hapticeval.discovery import resolve
+from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.scene import Scene
+
+Answer = tuple[np.ndarray, np.ndarray]
+
+
+def low_passed(cutoff: float) -> Fault:
+    """The force alone goes through a filter of first order, Hz."""
+
+    def fault(tick: Tick) -> Answer:
+        share = tick.dt / (tick.dt + 1.0 / (2.0 * np.pi * cutoff))
+        before = tick.memory.get("force", np.zeros_like(tick.force))
+        tick.memory["force"] = before + share * (tick.force - before)
+        return tick.ihip, tick.memory["force"]
+
+    return fault
+
+
+def late_force(ticks: int) -> Fault:
+    """The force alone comes so many ticks late."""
+
+    def fault(tick: Tick) -> Answer:
+        past = tick.memory.setdefault("past", [])
+        past.append(tick.force)
+        return tick.ihip, past[max(0, len(past) - 1 - ticks)]
+
+    return fault
+
+
+def slow_tool(ticks: int) -> Fault:
+    """A slow thread moves the tool, so many ticks late; a fast one draws the hand of now to it."""
+
+    def fault(tick: Tick) -> Answer:
+        past = tick.memory.setdefault("past", [])
+        if not tick.force.any():
+            past.clear()
+            return tick.ihip, tick.force
+        past.append(tick.ihip)
+        late = past[max(0, len(past) - 1 - ticks)]
+        return late, tick.scene.stiffness * (late - tick.hip)
+
+    return fault
+
+
+def stiffer_with_depth(tick: Tick) -> Answer:
+    """The stiffness is that of the scene at the surface, and grows with the depth to four times that."""
+    depth = float(np.linalg.norm(tick.ihip - tick.hip))
+    return tick.ihip, min(1.0 + depth / 0.01, 4.0) * tick.force
+
+
+def round_a(base: str, fault: Fault, **declared: Any) -> Make:
+    """Return the factory of a right renderer with a `fault`, which declares a spring and what is given."""
+    kind = type("Declaring", (Spoiled,), {"declares": Declaration(**{"spring": Spring.ERROR, **declared})})
+    return lambda scene: kind(scene, resolve(base)(scene), fault)
+
+
+class Ball(Changed):
+    """A ball whose centre is the tool: as far off the surface as its radius (m), which it declares."""
+
+    declares = Declaration(spring=Spring.ERROR, memoryless=True)
+    radius = 0.5e-3
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, resolve("minimum-distance")(scene))
+        self.standoff = self.radius
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.scene.model.boundary.closest_point(hip[np.newaxis])
+        foot, distance = at.foot[0], float(at.distance[0])
+        if distance >= self.radius:
+            return Response(hip, np.zeros_like(hip))
+        outwards = at.normal[0] if distance == 0.0 else np.sign(distance) * (hip - foot) / np.linalg.norm(hip - foot)
+        centre = foot + self.radius * outwards
+        return Response(centre, self.scene.stiffness * (centre - hip))
+
+
+class WholeMicrometres(Changed):
+    """Takes and gives positions in whole micrometres, and declares so."""
+
+    declares = Declaration(spring=Spring.ERROR, memoryless=True, force_resolution=2e-3)
+    resolution = standoff = 2e-6
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, resolve("minimum-distance")(scene))
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        seen = np.rint(1e6 * hip) / 1e6
+        ihip, force = super().step(seen, velocity, dt)
+        if not np.any(force):
+            return Response(hip, np.zeros_like(hip))
+        tool = np.rint(1e6 * np.asarray(ihip)) / 1e6
+        return Response(tool, self.scene.stiffness * (tool - seen))
+
+
+class Right(NamedTuple):
+    """A right renderer: its factory, and the places ("suite/case") where no check may stop it."""
+
+    make: Callable[[Scene], Any]
+    places: tuple[str, ...]
+
+
+CORNERS = ("thesis/star-convex-corner", "solids/cube-edge")
+RIGHT: Mapping[str, Right] = {
+    "slow-tool": Right(round_a("constraint", slow_tool(3)), CORNERS),
+    "less-slow-tool": Right(round_a("constraint", slow_tool(1)), CORNERS),
+    "ball": Right(Ball, CORNERS),
+    "marble": Right(type("Marble", (Ball,), {"radius": 1.7e-3}), CORNERS),
+    "grain": Right(type("Grain", (Ball,), {"radius": 5e-5}), CORNERS),
+    "stiffer-with-depth": Right(
+        round_a("constraint", stiffer_with_depth, stiffness_range=(1.0, 4.0)), (*CORNERS, "field/press-and-leave")
+    ),
+    "whole-micrometres": Right(
+        WholeMicrometres, ("generated/line-hand", "generated/circle-hand", "unilateral-surfaces/ellipsoid-press")
+    ),
+}
+"""Name of a right renderer, and where it was blamed."""
+
+LATE: Mapping[str, Make] = {
+    "low-passed": round_a("constraint", low_passed(200.0)),
+    "much-low-passed": round_a("constraint", low_passed(50.0)),
+    "eight-late": round_a("constraint", late_force(8)),
+}
+"""Renderers whose force outlasts the contact, and whose tool is with the hand in free space."""
