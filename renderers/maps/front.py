@@ -99,7 +99,7 @@ def advance_to(front: Array, lines: Array, area: float) -> float:
     speed, kappa, size, along = np.empty(n), np.empty(n), np.empty(n), np.empty(n + 1)
     tangent = np.empty((n, 2))
     while True:
-        length, held = 0.0, 0.0
+        length, enclosed = 0.0, 0.0
         for i in range(n):
             a, b, c, d = (i - 2) % n, (i - 1) % n, (i + 1) % n, (i + 2) % n
             # central differences of fourth order over the number of the node
@@ -111,7 +111,7 @@ def advance_to(front: Array, lines: Array, area: float) -> float:
             tangent[i, 0], tangent[i, 1] = dx / size[i], dy / size[i]
             kappa[i] = (dx * ddy - dy * ddx) / size[i] ** 3
             length += size[i]
-            held += 0.5 * (front[i, 0] * front[c, 1] - front[i, 1] * front[c, 0])
+            enclosed += 0.5 * (front[i, 0] * front[c, 1] - front[i, 1] * front[c, 0])
         average = 2.0 * math.pi / length
         # the area falls by the sum of v ds
         falls, shrinks = 0.0, 0.0
@@ -119,17 +119,17 @@ def advance_to(front: Array, lines: Array, area: float) -> float:
             speed[i] = velocity(ARCTAN_VELOCITY, average, kappa[i])
             falls += speed[i] * size[i]
             shrinks += kappa[i] * speed[i] * size[i]
-        if held <= area:
+        if enclosed <= area:
             return time
         # D = dv/dkappa is 1 / (pi kappa_avg) at the most, and the last step ends at the area
-        dt = min(DIFFUSION_SHARE * (length / n) ** 2 * math.pi * average, (held - area) / falls + 1e-18)
+        dt = min(DIFFUSION_SHARE * (length / n) ** 2 * math.pi * average, (enclosed - area) / falls + 1e-18)
         # w' = kappa v less its mean, over the arc
         along[0] = 0.0
         for i in range(n):
             c = (i + 1) % n
-            here = (kappa[i] * speed[i] - shrinks / length) * size[i]
-            there = (kappa[c] * speed[c] - shrinks / length) * size[c]
-            along[i + 1] = along[i] + 0.5 * (here + there)
+            before = (kappa[i] * speed[i] - shrinks / length) * size[i]
+            after = (kappa[c] * speed[c] - shrinks / length) * size[c]
+            along[i + 1] = along[i] + 0.5 * (before + after)
         for k in range(lines.shape[0]):
             # a line goes along the normal: the nodes pass it by
             place = lines[k] % n

@@ -31,7 +31,7 @@ from hapticeval.study.bench.accuracy import (
     with_mesh,
     workload,
 )
-from hapticeval.study.bench.document import BENCH_FILE, join_benches, read_bench, write_bench
+from hapticeval.study.bench.document import BENCH_FILE, Times, join_benches, read_bench, write_bench
 from hapticeval.study.bench.judge import describe, describe_missed, describe_unproven, judge_bench
 from hapticeval.study.bench.measure import array_bytes, sample_track, step_times, time_builds
 from hapticeval.study.bench.sweep import (
@@ -490,3 +490,22 @@ def test_the_quick_reference_of_the_flow_is_one_that_the_flow_takes():
     for quick in (True, False):
         for settings in refinements(choices_of(resolve("mapping")).knobs, quick=quick):
             FlowSettings(**{name: value if name == "gap" else int(value) for name, value in settings.items()})
+
+
+def test_what_no_scene_calls_for_is_measured_beside_what_the_factory_made(run):
+    uncalled = run(settings_of(["minimum-distance@curve"], quick=True)).results().uncalled
+    assert uncalled.renderer == "minimum-distance@curve"
+    assert uncalled.same_law
+    assert uncalled.ratio > 0.0
+
+
+def test_tails_are_told_of_a_quiet_machine_alone(run):
+    results = run(settings_of(["minimum-distance@curve"], quick=True)).results()
+    for tail, is_quiet in ((1.4e-7, True), (1.6e-7, False)):
+        empty = Times(median=1e-7, p99=tail, rounds=[1e-7])
+        told = msgspec.structs.replace(results, empty=empty)
+        assert told.is_quiet is is_quiet
+        words = describe(judge_bench(told, within=1e-3))
+        assert ("99 % of steps in" in words) is is_quiet
+        assert ("tails are left out" in words) is not is_quiet
+    assert not msgspec.structs.replace(results, empty=None).is_quiet

@@ -16,6 +16,9 @@ from hapticeval.files import read_json, write_json
 BENCH_FILE = "bench.json"
 FORMAT_VERSION = 3
 
+QUIET_RATIO = 1.5
+"""The 99 per cent quantile of an empty call, in medians, up to which a machine is quiet. *Chosen*."""
+
 TICK = 1e-3
 """Seconds in which a haptic renderer must have answered."""
 
@@ -82,6 +85,17 @@ class ReferenceEntry(_DocumentPart, frozen=True):
     extrapolated: bool = False
 
 
+class Uncalled(_DocumentPart, frozen=True):
+    """What effects cost a scene that calls for none: of a renderer as runs get it, beside what its factory made.
+
+    `same_law`: its law is the one that the factory made, and no copy; `ratio` of the medians of a step.
+    """
+
+    renderer: str
+    same_law: bool
+    ratio: float
+
+
 class OrderEntry(_DocumentPart, frozen=True):
     """The observed order of convergence of each error by a knob over its `values`, the `others` as they are."""
 
@@ -120,7 +134,8 @@ class Change(_DocumentPart, frozen=True):
 class BenchResults(_DocumentPart, frozen=True):
     """A bench: what was measured, on which machine, by which command, and what follows from it.
 
-    `empty` are the times of a call that does nothing: what the clock and the machine put into every step.
+    `empty` are the times of a call that does nothing: what the clock and the machine put into every step. `uncalled`
+    is what effects cost where none is called for.
     """
 
     complete: bool
@@ -137,8 +152,14 @@ class BenchResults(_DocumentPart, frozen=True):
     answers: list[Answer]
     timing: dict[str, float]
     empty: Times | None = None
+    uncalled: Uncalled | None = None
     comparison: list[Change] = []
     format_version: int = FORMAT_VERSION
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the machine was quiet enough for the tails of times: an empty call's own tail is short."""
+        return self.empty is not None and self.empty.p99 <= QUIET_RATIO * self.empty.median
 
     def by_model(self) -> dict[str, list[SettingEntry]]:
         """Return the settings on each model."""

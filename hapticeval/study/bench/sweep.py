@@ -15,10 +15,10 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, describe_error
 from hapticeval.geometry.representations import triangulate_surface
 from hapticeval.phenomena.sampling import force_floor
-from hapticeval.renderer import Renderer, RendererFactory, Settings, choices_of, configured
+from hapticeval.renderer import Renderer, RendererFactory, Settings, choices_of, configured, wrapped
 from hapticeval.runner.results import environment
 from hapticeval.scene import Scene
-from hapticeval.simulation.answers import make_renderer
+from hapticeval.simulation.answers import make_renderer, with_effects
 from hapticeval.study.bench.accuracy import (
     LEAST_ERROR_SHARE,
     PLANE_PATHS,
@@ -37,9 +37,10 @@ from hapticeval.study.bench.accuracy import (
     workload,
     worst_place,
 )
-from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, SettingEntry, Times
+from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, SettingEntry, Times, Uncalled
 from hapticeval.study.bench.measure import (
     DoesNothing,
+    Track,
     array_bytes,
     machine,
     sample_track,
@@ -282,6 +283,8 @@ class Sweep:
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
         self.empty: list[IntArray] = []
+        self.uncalled: list[tuple[IntArray, IntArray]] = []
+        self.same_law = True
         self._fresh = count(1)
         self._compiled: set[str] = set()
         self.reason: str | None = None
@@ -380,11 +383,33 @@ class Sweep:
             # Each round goes on along the path where the last one ended.
             first = number * self.effort.steps % len(along.rows)
             took[entry.key] = step_times(entry.renderer, along, self.effort.steps, first=first)
+        stepping = next((entry for entry in live if not entry.setting.finer), None)
+        if stepping is not None:
+            self._time_uncalled(stepping, tracks[stepping.work.name], number)
         if live:
             self.empty.append(step_times(DoesNothing(), tracks[live[0].work.name], self.effort.steps, first=0))
         self.rounds += 1
         for entry in live:
             entry.steps.append(took[entry.key])
+
+    def _time_uncalled(self, entry: _Entry, along: Track, number: int) -> None:
+        """Time a renderer as runs get it in a scene without effects, and, beside it, as its factory makes it."""
+        bare = wrapped(entry.setting.factory(entry.work.scene))
+        called = with_effects(bare, entry.work.scene)
+        self.same_law = self.same_law and called.law is bare.law and called.renderer is bare.renderer
+        # In turns, so that a slow stretch of the machine does not always meet the same.
+        pair = [called.renderer, bare.renderer]
+        times = [step_times(one, along, self.effort.steps, first=0) for one in (pair if number % 2 else pair[::-1])]
+        called_times, bare_times = times if number % 2 else times[::-1]
+        self.uncalled.append((called_times, bare_times))
+
+    def _uncalled_cost(self) -> Uncalled | None:
+        """Return what effects cost where none is called for; None where nothing was timed."""
+        if not self.uncalled:
+            return None
+        called, bare = (float(np.median(np.concatenate(samples))) for samples in zip(*self.uncalled, strict=True))
+        name = next(entry.setting.renderer for entry in self.entries if entry.renderer and not entry.setting.finer)
+        return Uncalled(renderer=name, same_law=self.same_law, ratio=called / bare)
 
     def results(self) -> BenchResults:
         """Return what was measured as a document; `judge.judge_bench` adds fronts, orders and answers."""
@@ -412,6 +437,7 @@ class Sweep:
             answers=[],
             timing={"wall_seconds": self.wall},
             empty=_time_statistics(self.empty),
+            uncalled=self._uncalled_cost(),
         )
 
 
