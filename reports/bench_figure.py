@@ -1,71 +1,86 @@
-"""What a bench found: error against time with the Pareto front, memory and time to build."""
+"""What a bench found: error against time, a chart a renderer for a page, and with the Pareto front for a paper."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hapticeval.reports.canvas import MM, Look
-from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data, look_style
-from hapticeval.study.bench.document import BenchResults, SettingEntry
+from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data
+from hapticeval.study.bench.document import SettingEntry
 
 MICROSECONDS = 1e6
 """Microseconds in a second."""
 
-ROW_HEIGHT = 19
-"""Pixels of a row of a chart with a row per setting."""
+MULTIPLE_HEIGHT = 210
+"""Pixels of the chart of one renderer among those of others."""
 
 TARGET_ERROR = 0.1
 """Error (mm) that a line is drawn at."""
 
-TIME_LIMITS = ((1000.0, "1 ms tick"), (10.0, "10 µs"))
+TIME_LIMITS = (1000.0, 10.0)
 """Times (us) that lines are drawn at, where the plot reaches so far."""
 
 EXACT_ERROR = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
+TICK_RULE = Rule(x=1000.0, role="quiet", dash=(4, 2), text="tick of 1 ms")
+"""Time (us) in which a loop of 1 kHz wants its answer, on a chart with times across."""
+
 PlottedSettings = list[tuple[SettingEntry, tuple[float, float]]]
 """Settings, each with its time (us) and its error (mm)."""
 
 
-def bench_plots(bench: BenchResults, looks: Mapping[str, Look]) -> list[tuple[str, str]]:
-    """Return the plots of a bench for a page, each with its title; none where nothing is measured.
+def base_of(renderer: str) -> str:
+    """Return a renderer's name without its representation."""
+    return renderer.partition("@")[0]
 
-    `looks` are those of the renderers on all pages.
+
+def cheapest_by_renderer(
+    settings: Sequence[SettingEntry], group: Callable[[str], str] = base_of
+) -> dict[str, SettingEntry]:
+    """Return of each renderer on one model the quickest setting within `TARGET_ERROR`, or else the most accurate.
+
+    Those that come within it are first, the quickest first. `group` says which names are one renderer.
     """
-    plots = []
-    for model, settings in bench.by_model().items():
-        if plotted := plotted_settings(settings):
-            plots.append((model, charts_data([front_chart(plotted, looks, model)])))
-    costs = [setting for setting in bench.settings if not setting.problem and setting.memory_bytes is not None]
-    if any(setting.build_seconds for setting in costs):
-        plots += [(chart.title, charts_data([chart])) for chart in _cost_charts(costs, looks)]
-    return plots
+    ranked: dict[str, list[tuple[bool, float, float, SettingEntry]]] = {}
+    for setting, (time, _) in plotted_settings(settings):
+        assert setting.claims is not None
+        error = MM * setting.claims["ihip"]["max"]
+        beyond = error > TARGET_ERROR
+        ranked.setdefault(group(setting.renderer), []).append((beyond, error if beyond else time, error, setting))
+    best = {name: min(entries, key=lambda entry: entry[:3]) for name, entries in ranked.items()}
+    return {name: entry[3] for name, entry in sorted(best.items(), key=lambda pair: pair[1][:3])}
 
 
-def _cost_charts(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> list[Chart]:
-    """Return a row per setting with a mark for its memory, and one for its time to build: of all models the dearest."""
-    settings_by_label: dict[str, list[SettingEntry]] = {}
-    for setting in settings:
-        if setting.build_seconds:
-            settings_by_label.setdefault(setting.label, []).append(setting)
-    panels = {
-        "memory of all arrays (MB)": lambda setting: max(setting.memory_bytes or 0, 1) / 1e6,
-        "least time to build (s)": lambda setting: min(setting.build_seconds),
-    }
-    return [
-        Chart(
-            title=f"{words} of every setting",
-            x=Axis(label=words, log=True),
-            y=Axis(label="", names=list(settings_by_label)),
-            curves=[
-                Curve(x=[max(map(cost, entries))], y=[row], line=False, **look_style(looks[entries[0].renderer]))
-                for row, entries in enumerate(settings_by_label.values())
-            ],
-            height=50 + ROW_HEIGHT * len(settings_by_label),
+def small_multiples(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> str:
+    """Return a chart for each renderer on one model, for a page: error against time on axes that all share.
+
+    A line is a representation, with its name at its end and the knob's values at its ends.
+    """
+    plotted = plotted_settings(settings)
+    times, errors = zip(*(place for _, place in plotted), strict=True)
+    # us and mm: the tick, and what is exact, are in view.
+    across = Axis(label="time a step (µs)", log=True, range=(min(*times, 2.0) / 1.5, 2000.0))
+    up = Axis(label="largest IHIP error (mm)", log=True, range=(EXACT_ERROR / 2.0, max(*errors, 1.0) * 3.0))
+    charts = []
+    for name in dict.fromkeys(base_of(setting.renderer) for setting, _ in plotted):
+        curves, notes = [], []
+        for variant in dict.fromkeys(setting.renderer for setting, _ in plotted if base_of(setting.renderer) == name):
+            line = [entry for entry in plotted if entry[0].renderer == variant]
+            proven = all(setting.proven for setting, _ in line)
+            curves.append(
+                _curve(line, role=looks[variant].role, width=1.2, marker=looks[variant].marker, hollow=not proven)
+            )
+            words = variant.partition("@")[2]
+            # The finest and the coarsest setting, which may be one.
+            for setting, place in line[:-2:-1] + line[: len(line) > 1]:
+                notes.append(Note(*place, f"{words} {setting.label.removeprefix(variant).strip()}".strip()))
+        rules = [TICK_RULE, Rule(y=TARGET_ERROR, role="mark")]
+        charts.append(
+            Chart(title=name, x=across, y=up, curves=curves, rules=rules, notes=notes, height=MULTIPLE_HEIGHT)
         )
-        for words, cost in panels.items()
-    ]
+    return charts_data(charts)
 
 
 def plotted_settings(settings: Sequence[SettingEntry]) -> PlottedSettings:
@@ -89,19 +104,16 @@ def pareto_front(plotted: PlottedSettings) -> PlottedSettings:
 
 def front_chart(plotted: PlottedSettings, looks: Mapping[str, Look], title: str) -> Chart:
     """Return IHIP error against time of the settings of one model: a curve for each renderer, and the Pareto front."""
-    curves, named = [], []
+    curves = []
     label = "Pareto front"
     # A front a reference: errors that count from different ones cannot be compared.
     for reference in dict.fromkeys(setting.reference for setting, _ in plotted):
         front = pareto_front([entry for entry in plotted if entry[0].reference == reference])
-        named += front
         curves.append(_curve(front, role="ink", width=1.8, steps=True, label=label))
         # The legend shows one of them.
         label = ""
     for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
         of_renderer = [entry for entry in plotted if entry[0].renderer == name]
-        # The first and the last setting of a sweep are named, and what is on the front.
-        named += [of_renderer[0], of_renderer[-1]]
         curves.append(_curve(of_renderer, role=looks[name].role, width=1.0, faint=True))
         # Filled where the error is proven, hollow where it is an upper bound only.
         for proven in (True, False):
@@ -117,20 +129,16 @@ def front_chart(plotted: PlottedSettings, looks: Mapping[str, Look], title: str)
     times, errors = zip(*(place for _, place in plotted), strict=True)
     # us: the 10 us line is always in view.
     view = min(*times, 8.0) / 1.35, max(*times, 12.0) * 1.6
-    rules = [Rule(y=TARGET_ERROR, role="mark", text=f"{TARGET_ERROR} mm")]
-    rules += [
-        Rule(x=limit, role="quiet", dash=(4, 2), text=text) for limit, text in TIME_LIMITS if view[0] < limit < view[1]
-    ]
+    rules = [Rule(y=TARGET_ERROR, role="mark")]
+    rules += [Rule(x=limit, role="quiet", dash=(4, 2)) for limit in TIME_LIMITS if view[0] < limit < view[1]]
     if min(errors) <= EXACT_ERROR:
-        rules.append(Rule(y=EXACT_ERROR, role="grid", width=5.0, text="exact, or below 10 nm"))
+        rules.append(Rule(y=EXACT_ERROR, role="grid", width=5.0))
     return Chart(
         title=f"IHIP error against time a step: {title}",
         x=Axis(label="time a step, median (µs)", log=True, range=view),
         y=Axis(label="largest IHIP error (mm)", log=True, range=(min(errors) / 2.0, max(*errors, 0.2) * 3.0)),
         curves=curves,
         rules=rules,
-        notes=[Note(*place, text) for setting, place in named if (text := _setting_words(setting))],
-        height=420,
     )
 
 
@@ -141,8 +149,3 @@ def _curve(plotted: PlottedSettings, **style: Any) -> Curve:
 def _is_foreign(name: str) -> bool:
     """Return whether a renderer is none of those that come with hapticeval: it stands out."""
     return ":" in name
-
-
-def _setting_words(setting: SettingEntry) -> str:
-    """Return what stands beside a setting: its knob, of a foreign renderer also its name."""
-    return setting.label if _is_foreign(setting.renderer) else setting.label.removeprefix(setting.renderer).strip()

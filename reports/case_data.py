@@ -32,6 +32,9 @@ MOST_CONTACTS = 40
 IMPACT_SPEED = 0.02
 """Speed (m/s) towards the surface from which on the beginning of a contact in a closed loop is marked as an impact."""
 
+CLOSE_TICKS = 20
+"""Ticks to either side of a verdict's place that a second plot shows: `draw.js` has the same number."""
+
 EYE_AXES = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
 """From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
 
@@ -99,12 +102,13 @@ def sample_tracks(
     recordings: Mapping[str, Recording],
     times: Mapping[str, Collection[float]],
     *,
+    faults: Collection[float] = (),
     held_on: Model | None = None,
 ) -> list[Track]:
     """Return what is drawn of each recording: samples thinned as `thinned_rows` does, and those that verdicts name.
 
-    `times` (s) are those of verdicts, by renderer. Runs along one hand path share their samples, so that the path is
-    packed once.
+    `times` (s) are those of verdicts, by renderer, and round `faults` (s) each tick is drawn, `CLOSE_TICKS` to either
+    side. Runs along one hand path share their samples, so that the path is packed once.
 
     Where a surface holds the tools it is that of the model `held_on`: tracks have the motion across and along it.
     """
@@ -119,7 +123,10 @@ def sample_tracks(
     for names in names_by_path.values():
         time = recordings[names[0]].time
         # The sample nearest to each time that a verdict names.
-        verdict_rows = {int(np.argmin(np.abs(time - moment))) for name in names for moment in times.get(name, ())}
+        moments = {moment for name in names for moment in times.get(name, ())}
+        verdict_rows = {int(np.argmin(np.abs(time - moment))) for moment in moments}
+        for row in [int(np.argmin(np.abs(time - moment))) for moment in moments.intersection(faults)]:
+            verdict_rows |= {*range(max(row - CLOSE_TICKS, 0), min(row + CLOSE_TICKS + 1, time.size))}
         surface_signals = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
         chosen = drawn_rows([recordings[name] for name in names], verdict_rows, extra_signals=surface_signals)
         rows = chosen.rows

@@ -351,9 +351,12 @@ def case_section(
     model = _fitting_model(entries[0], drawable)
     names = [entry.renderer for entry in entries]
     times = {name: [t for v in verdicts.get(name, ()) if (t := v.time) is not None] for name in drawable}
+    failed = [v for name in drawable for v in verdicts.get(name, ()) if v.outcome is Outcome.FAIL]
+    faults = {v.time for v in failed if v.time is not None}
     tracks = sample_tracks(
         {name: drawable[name] for name in names if name in drawable},
         times,
+        faults=faults,
         held_on=model if _is_held(entries[0], drawable) else None,
     )
     view = CaseView(
@@ -379,7 +382,8 @@ def run_text(entry: RunEntry, recording: Recording, time: float | None, look: Lo
         return ""
     model = _fitting_model(entry, drawable)
     times = [] if time is None else [time]
-    tracks = sample_tracks(drawable, {entry.renderer: times}, held_on=model if _is_held(entry, drawable) else None)
+    held_on = model if _is_held(entry, drawable) else None
+    tracks = sample_tracks(drawable, {entry.renderer: times}, faults=times, held_on=held_on)
     marks = [Mark(0, moment) for moment in times]
     return case_text(title, tracks, model, {entry.renderer: look}, marks=marks, time=time)
 

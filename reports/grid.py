@@ -7,9 +7,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import format_number, plural
+from hapticeval.quantity import format_number, name_first, plural
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 from hapticeval.runner.standing import Standing
 
@@ -206,15 +207,20 @@ def headline(results: ResultsDocument) -> str:
         return f"Incomplete: {results.reason}"
     if results.all_refused:
         return "Every renderer refused every case"
-    broken = sum(run.error is not None for run in results.runs)
+    # A renderer that breaks in one line counts once, with its runs; what these lost is told there.
+    broken = results.breakdowns
+    lost = sum(map(results.lost, results.stopping))
     # Incomplete runs have been dealt with: what is counted here did run.
-    unexpected = len(results.stopping)
+    unexpected = len(results.stopping) - lost
     standings = Counter(verdict.standing for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = [f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
         unexpected
     )
-    parts += [f"{plural(broken, 'run')} broke"] * bool(broken)
+    if broken:
+        names = name_first(list(dict.fromkeys(breakdown.runs[0].renderer for breakdown in broken)), 2, " and ")
+        runs = plural(sum(len(breakdown.runs) for breakdown in broken), "run")
+        parts.append(f"{names} broke in {runs}" + f", which lost {plural(lost, 'verdict')}" * bool(lost))
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]
@@ -262,19 +268,71 @@ class HardCase:
 def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[HardCase]]:
     """Return the renderers, and by case the decimal digits that their answers keep when the scene is moved.
 
-    Read off the evidence `digits`; a case that no renderer has it for is left out.
+    Read off the evidence `digits`; a case that no renderer has it for is left out. The fewest digits come first, of
+    renderers that declare no coarse model of their own.
     """
     verdicts_by_case: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
     for verdict in results.verdicts:
         # Decimal digits, where a check counted them.
         if isinstance(verdict.evidence.get("digits"), int | float):
             verdicts_by_case.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
+    verdicts_by_case = dict(sorted(verdicts_by_case.items(), key=lambda pair: _digits_of(_fewest(pair[1].values())[0])))
     names = [name for name in results.renderers if any(name in row for row in verdicts_by_case.values())]
     titles = {(run.suite, run.case): run.title for run in results.runs}
     return names, [
         HardCase(*key, titles.get(key, key[1]), [(_whole_digits(row.get(name)), row.get(name)) for name in names])
         for key, row in verdicts_by_case.items()
     ]
+
+
+class DigitFamily(NamedTuple):
+    """A row of a table about digits: the fewest that its cases keep, and in which `case`.
+
+    `coarse_digits` are those of renderers that declare a coarse model of their own; None where none does.
+    """
+
+    title: str
+    case: str
+    digits: float
+    coarse_digits: float | None
+
+
+def digit_families(results: ResultsDocument) -> list[DigitFamily]:
+    """Return the rows of the suites' tables that are about digits, the one with the fewest first."""
+    titles = {(run.suite, run.case): run.title for run in results.runs}
+    families = []
+    for suite in results.suites:
+        for title, cells in suite.cells.items():
+            counted = [
+                verdict
+                for verdict in results.verdicts
+                if verdict.suite == suite.name
+                and f"{verdict.case}/{verdict.check}" in cells
+                and isinstance(verdict.evidence.get("digits"), int | float)
+            ]
+            if counted:
+                worst, coarsest = _fewest(counted)
+                least = None if coarsest is None else math.floor(max(0.0, _digits_of(coarsest)))
+                families.append(
+                    DigitFamily(
+                        title.removeprefix("Keeps its digits "), titles[worst.key[:2]],
+                        math.floor(max(0.0, _digits_of(worst))), least,
+                    )
+                )  # fmt: skip
+    return sorted(families, key=lambda family: family.digits)
+
+
+def _fewest(counted: Iterable[VerdictEntry]) -> tuple[VerdictEntry, VerdictEntry | None]:
+    """Return the verdict with the fewest digits, one at least, and that of renderers that declare a coarse model."""
+    verdicts = list(counted)
+    # A coarse model of the renderer's own leaves fewer digits, as it declares.
+    coarse = [verdict for verdict in verdicts if verdict.evidence.get("declared_m", 0.0) > 0.0]
+    exact = [verdict for verdict in verdicts if verdict not in coarse] or coarse
+    return min(exact, key=_digits_of), min(coarse, key=_digits_of, default=None)
+
+
+def _digits_of(verdict: VerdictEntry) -> float:
+    return float(verdict.evidence["digits"])
 
 
 def _whole_digits(verdict: VerdictEntry | None) -> int | None:
@@ -284,5 +342,10 @@ def _whole_digits(verdict: VerdictEntry | None) -> int | None:
 def gravest_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
     """Return verdicts, the gravest first."""
     order = list(Standing).index
-    # By standing, then by how much of its bound is used, the most first.
-    return sorted(verdicts, key=lambda verdict: (order(verdict.standing), -_bound_load(verdict)))
+    # By standing, then by what a hand feels of a failure, then by how much of its bound is used, the most first.
+    return sorted(
+        verdicts,
+        key=lambda verdict: (
+            order(verdict.standing), -verdict.felt if verdict.outcome is Outcome.FAIL else 0.0, -_bound_load(verdict)
+        ),
+    )  # fmt: skip

@@ -18,17 +18,18 @@ from hapticeval.files import write_text
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import CheckPage, read_page
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.reports.bench_figure import bench_plots
+from hapticeval.reports.bench_figure import cheapest_by_renderer, plotted_settings, small_multiples
 from hapticeval.reports.canvas import Look, looks_of, svg_element
+from hapticeval.reports.cards import Card, accuracy_card, cases_by_effect, effects_card, hard_card
 from hapticeval.reports.case_page import asset
 from hapticeval.reports.effects_figure import EffectPlot
-from hapticeval.reports.grid import Grid, HardCase, case_grid, hard_cases, worst_verdicts
+from hapticeval.reports.grid import Grid, HardCase, Tile, case_grid, digit_families, hard_cases, worst_verdicts
 from hapticeval.reports.table import Summary, summaries
 from hapticeval.reports.templates import CHECK_PAGES, INDEX, PAGES_FOLDER, anchor, case_file, environment, explain_terms
 from hapticeval.runner.diff import Edition, History
 from hapticeval.runner.results import Breakdown, Replay, ResultsDocument, RunEntry, SuiteEntry, VerdictEntry
 from hapticeval.runner.standing import Standing, count_standings
-from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.document import BenchResults, SettingEntry
 
 if TYPE_CHECKING:
     from hapticeval.closed_forms import ClosedForm
@@ -55,6 +56,15 @@ class WorstVerdict(NamedTuple):
 
     verdict: VerdictEntry
     drawing: Drawing
+
+
+class BenchModel(NamedTuple):
+    """A model of a bench: of each renderer and representation a setting, which are marked, and the charts' data."""
+
+    model: str
+    settings: Mapping[str, SettingEntry]
+    cheapest: set[str]
+    charts: str
 
 
 class SuiteSection(NamedTuple):
@@ -140,8 +150,9 @@ class ReportView:
 
     @property
     def unexpected_count(self) -> int:
-        """How many verdicts are not as expected."""
-        return len(self.results.stopping)
+        """How many verdicts are not as expected; those that one cause took away count as one."""
+        lost = sum(map(self.results.lost, self.results.stopping))
+        return len(self.results.stopping) - lost + len(self.results.breakdowns)
 
     @property
     def unexpected_standings(self) -> Sequence[Standing]:
@@ -243,6 +254,40 @@ class ReportView:
         return summaries(self.results)
 
     @cached_property
+    def first_summary(self) -> Summary | None:
+        """The table that the first page begins with: the one in print, or else the first."""
+        return max(self.summaries, key=lambda summary: bool(summary.number), default=None)
+
+    def answer_link(self, summary: Summary, row: str, renderer: str) -> str | None:
+        """Return the link to the worst of the verdicts that an answer of a table is made of; None without one."""
+        cells = {} if summary.suite is None else summary.suite.cells
+        verdicts = [
+            verdict
+            for verdict in self.results.verdicts
+            if verdict.renderer == renderer
+            and summary.suite is not None
+            and verdict.suite == summary.suite.name
+            and f"{verdict.case}/{verdict.check}" in cells.get(row, ())
+        ]
+        return self.entry_link(Tile(verdicts).worst) if verdicts else None
+
+    @cached_property
+    def cards(self) -> Sequence[Card]:
+        """What the first page tells of accuracy in time, hard cases and effects."""
+        cards = (
+            accuracy_card(self.bench) if self.bench is not None else None,
+            hard_card(digit_families(self.results)),
+            effects_card(self.cases_by_effect, self.bench),
+        )
+        names = {page.name for page in self.pages}
+        return [card for card in cards if card is not None and card.page in names]
+
+    @cached_property
+    def cases_by_effect(self) -> Mapping[str, Sequence[tuple[str, str]]]:
+        """The cases that call for each kind of effect, and for none."""
+        return cases_by_effect(self.results)
+
+    @cached_property
     def hard_cases(self) -> tuple[Sequence[str], Sequence[HardCase]]:
         """The renderers, and the digits that they keep in each hard case."""
         return hard_cases(self.results)
@@ -275,9 +320,20 @@ class ReportView:
         return self.replays.runs[0].replay if self.replays.runs else None
 
     @cached_property
-    def bench_plots(self) -> Sequence[tuple[str, str]]:
-        """The plots of the bench, each with its title, in the looks that renderers have on all pages."""
-        return [] if self.bench is None else bench_plots(self.bench, self.looks)
+    def bench_models(self) -> Sequence[BenchModel]:
+        """What the bench measured on each model, in the looks that renderers have on all pages."""
+        if self.bench is None:
+            return []
+        return [
+            BenchModel(
+                model,
+                cheapest_by_renderer(settings, group=str),
+                {setting.label for setting in cheapest_by_renderer(settings).values()},
+                small_multiples(settings, self.looks),
+            )
+            for model, settings in self.bench.by_model().items()
+            if plotted_settings(settings)
+        ]
 
     @cached_property
     def closed_forms(self) -> Sequence[ClosedFormTable]:
@@ -344,11 +400,6 @@ class SubPage(NamedTuple):
 
 
 SUB_PAGES: Sequence[SubPage] = (
-    SubPage(
-        "summary",
-        "Summary of the renderers’ performance",  # noqa: RUF001
-        lambda view: bool(view.summaries),
-    ),
     SubPage("costs", "What accuracy costs in time", lambda view: view.bench is not None),
     SubPage("effects", "Effects", lambda view: bool(view.effects)),
     SubPage("replay", "Replay", lambda view: view.replay is not None),

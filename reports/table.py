@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,8 @@ MOST_LISTED_VERDICTS = 50
 PLACES_NAMED = 5
 """Verdicts that are known for one reason, and cases refused for one, that are named."""
 
+
+CITED_TABLE = re.compile(r"Table \d+\.\d+")
 
 NOTHING = "--"
 """Stands where nothing was decided, counted or published."""
@@ -50,6 +53,12 @@ class Summary:
     printed: tuple[str, ...]
     rows: tuple[SummaryRow, ...]
 
+    @property
+    def number(self) -> str:
+        """The table in print that it is, as "Table 6.3"; "" where its suite cites none."""
+        cited = CITED_TABLE.search(self.suite.citation) if self.suite else None
+        return cited[0] if cited else ""
+
 
 def summaries(results: ResultsDocument) -> list[Summary]:
     """Return the tables that the suites define, with the published answers beside and of other renderers."""
@@ -67,9 +76,11 @@ def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequenc
     """Return one table: renderers that answered, and those of which only published answers exist."""
     answers = {title: results.table[title] for title in titles}
     published = {title: results.published_table.get(title, {}) for title in titles}
-    # Only renderers that have an answer in this table.
-    names = tuple(name for name in results.renderers if any(name in row for row in answers.values()))
-    printed = tuple(dict.fromkeys(name for row in published.values() for name in row if name not in results.renderers))
+    # Only renderers that have an answer in this table; those in print first, in its order.
+    in_print = dict.fromkeys(name for row in published.values() for name in row)
+    answered = [name for name in results.renderers if any(name in row for row in answers.values())]
+    names = (*(name for name in in_print if name in answered), *(name for name in answered if name not in in_print))
+    printed = tuple(name for name in in_print if name not in results.renderers)
     return Summary(
         suite,
         names,

@@ -81,7 +81,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
 
 
 def _stopping_verdicts(results: ResultsDocument) -> list[VerdictEntry]:
-    """Return what stops the gate, the worst first: errors, then by how many bounds they are away."""
+    """Return what stops the gate, the worst first: errors, then what a hand feels most."""
     return sorted(results.stopping, key=lambda verdict: verdict.severity, reverse=True)
 
 

@@ -48,6 +48,10 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     """Base of the document's objects: a field that has its default is left out of the file."""
 
 
+FELT_STIFFNESS = 1000.0
+"""N/m by which a length is compared with a force, that of the suites. *Chosen*: a millimetre for a newton."""
+
+
 class SuiteEntry(Entry, frozen=True, kw_only=True):
     """A suite that ran, and the titles of the rows of the table that its cases fill.
 
@@ -426,15 +430,29 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         return ", ".join([*texts, *([self.beyond_known] if self.beyond_known else [])])
 
     @property
-    def severity(self) -> tuple[bool, float]:
-        """Return a key to sort failures by: errors are the worst, then those that are the most bounds large."""
+    def felt(self) -> float:
+        """How much of it a hand feels, N: lengths at `FELT_STIFFNESS`, angles and shares of the force there; else 0."""
+        if self.metric is None:
+            return 0.0
+        # None was not finite, which is worse than any number.
+        value = math.inf if self.metric.value is None else abs(self.metric.value)
+        force, depth = (self.evidence.get(name) for name in ("force_N", "depth_m"))
+        if self.metric.unit in ("", "deg") and isinstance(force, int | float):
+            # An angle turns the force by its chord.
+            return float(force) * (2.0 * math.sin(math.radians(min(value, 180.0)) / 2.0) if self.metric.unit else value)
+        depths = depth if isinstance(depth, int | float) else 0.0
+        return value * {"N": 1.0, "m": FELT_STIFFNESS, "depths": FELT_STIFFNESS * depths}.get(self.metric.unit, 0.0)
+
+    @property
+    def severity(self) -> tuple[bool, float, float]:
+        """Return a key to sort failures by: errors are the worst, then what is felt most, then the most bounds."""
         over = 0.0
         if self.metric is not None and self.bound is not None:
             # None was not finite, which is worse than any number.
             value = math.inf if self.metric.value is None else self.metric.value
             # How many bounds the metric is. A bound of zero has no multiples: then its own size counts.
             over = value / self.bound if self.bound > 0.0 else value
-        return self.outcome is Outcome.ERROR, over
+        return self.outcome is Outcome.ERROR, self.felt, over
 
     @property
     def standing(self) -> Standing:

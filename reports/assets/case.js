@@ -1,7 +1,8 @@
 "use strict";
 // Moves what `draw.js` draws of a case: a slider over time, renderers that are shown by a tick, a scene that turns.
 (() => {
-  const { Case, Scene, Chart, EVENTS, MM, element, sampleAt, size, termValues, panelChart, scenes } = Drawing;
+  const { Case, Scene, Chart, EVENTS, MM, CLOSE_TICKS, closeRange, element, sampleAt, size, termValues, panelChart, scenes } = Drawing;
+  const HEADINGS = ["renderer", "|IHIP − HIP| (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"];
   const SPEEDS = [0.01, 0.1, 0.25, 1, 4, 20];
   /** Seconds that a run takes at most when it is played at the speed that is chosen at first. */
   const PLAYING_SECONDS = 14;
@@ -137,6 +138,40 @@
     }
   }
 
+  /** The plots of some ticks to either side of a verdict's place, side by side; a click goes to its time. */
+  class CloseUp {
+    constructor(view, box) {
+      Object.assign(this, { view, box, charts: [] });
+      this.words = element("figcaption", {});
+      this.holder = element("div", { class: "live-plots" });
+      box.append(this.words, this.holder);
+    }
+
+    /** Show the ticks round a time; nothing of a run that is not much longer. */
+    show(time) {
+      this.time = time;
+      this.range = closeRange(this.view.shown, time);
+      this.box.hidden = !this.range;
+      if (this.range) this.draw();
+    }
+
+    draw() {
+      if (!this.range) return;
+      const { shown } = this.view;
+      this.words.textContent = `${CLOSE_TICKS} ticks to either side of t = ${Number(this.time.toPrecision(6))} s`;
+      shown.data.panels.forEach((panel, k) => {
+        const spec = panelChart(shown, panel, { range: this.range, last: true, close: true });
+        if (this.charts[k]) { this.charts[k].show(spec); return; }
+        const holder = this.holder.appendChild(element("div"));
+        this.charts[k] = new Chart(holder, spec, 190);
+        holder.addEventListener("click", (event) => {
+          const chart = this.charts[k];
+          this.view.go(chart.x.value(event.clientX - chart.picture.getBoundingClientRect().left));
+        });
+      });
+    }
+  }
+
   // --- the page of a case -------------------------------------------------------------------------------------------
 
   class View {
@@ -153,11 +188,13 @@
       section.classList.add("live");
       this.addScene(plane);
       this.plots = new Plots(this, views.querySelector(".plots"));
+      this.closeUp = new CloseUp(this, section.querySelector(".closeup"));
       for (const box of this.boxes()) box.addEventListener("change", () => this.choose(box));
       this.linkVerdicts();
       const worst = document.getElementById(section.dataset.worst)?.closest("li[data-time]");
       worst?.classList.add("current");
       this.addTable();
+      if (worst) this.closeUp.show(Number(worst.dataset.time));
       this.go(worst ? Number(worst.dataset.time) : this.shown.start);
     }
 
@@ -175,6 +212,10 @@
     addScene(plane) {
       this.scene = new Scene(this.shown, plane, this.shown.data.title);
       const [bar, turned] = sceneButtons(this.scene);
+      // What is taller than the window is held by its lower edge.
+      const stage = this.section.querySelector(".stage"), hold = () => { stage.style.top = `${Math.min(10, innerHeight - stage.offsetHeight - 10)}px`; };
+      new ResizeObserver(hold).observe(stage);
+      addEventListener("resize", hold);
       this.scene.canvas.before(bar);
       listenToPointer(this.scene, turned);
       scenes.add(this.scene);
@@ -194,6 +235,7 @@
       if (run) run.shown = box.checked;
       this.scene.draw();
       this.plots.draw();
+      this.closeUp.draw();
       this.fillTable();
     }
 
@@ -249,15 +291,14 @@
 
     /** The table of values: a row a renderer that is shown. */
     addTable() {
-      const headings = ["renderer", "|IHIP − HIP| (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"];
       this.body = element("tbody");
-      this.values.append(element("thead", {}, element("tr", {}, ...headings.map((text) => element("th", { scope: "col" }, text)))), this.body);
+      this.values.append(element("thead", {}, element("tr", {}, ...HEADINGS.map((text) => element("th", { scope: "col" }, text)))), this.body);
       this.fillTable();
     }
 
     fillTable() {
       this.rows = this.shown.visible().map((run) => {
-        const cells = Array.from({ length: 4 }, () => element("td")), swatch = this.boxOf(run)?.parentElement.querySelector("svg")?.cloneNode(true);
+        const cells = HEADINGS.slice(1).map((heading) => element("td", { "data-heading": heading })), swatch = this.boxOf(run)?.parentElement.querySelector("svg")?.cloneNode(true);
         return { run, cells, row: element("tr", {}, element("th", { scope: "row" }, swatch ?? "", ` ${run.name}`), ...cells) };
       });
       this.body.replaceChildren(...this.rows.map(({ row }) => row));
@@ -300,6 +341,7 @@
       if (box && !box.checked) { box.checked = true; this.choose(box); }
       for (const current of this.section.querySelectorAll(".check li.current")) current.classList.remove("current");
       verdict.classList.add("current");
+      this.closeUp.show(Number(verdict.dataset.time));
       this.go(Number(verdict.dataset.time));
       const views = this.section.querySelector(".views"), { top, bottom } = views.getBoundingClientRect();
       if (bottom < 80 || top > innerHeight - 80) views.scrollIntoView({ block: "start" });

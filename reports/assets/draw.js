@@ -348,10 +348,13 @@ const Drawing = (() => {
       const taken = [];
       return (this.spec.notes ?? []).flatMap(({ x, y, text }) => {
         const [at, up, wide] = [this.x.place(x), this.y.place(y), 6.2 * text.length];
-        if (taken.some(([a, b, c]) => at < a + c + 6 && a < at + wide + 6 && Math.abs(up - b) < 14)) return [];
-        taken.push([at, up, wide]);
+        // Above the point, else below it, else farther below.
+        const clear = (y) => y > this.box.top && !taken.some(([a, b, c]) => at < a + c + 6 && a < at + wide + 6 && Math.abs(y - b) < 13);
+        const level = [up - 4, up + 12, up + 26].find(clear);
+        if (level === undefined) return [];
+        taken.push([at, level, wide]);
         const turned = at + wide + 8 > this.width;
-        return [this.text(at + (turned ? -7 : 7), up - 4, text, { "text-anchor": turned ? "end" : "start", class: "note-text" })];
+        return [this.text(at + (turned ? -7 : 7), level, text, { "text-anchor": turned ? "end" : "start", class: "note-text" })];
       });
     }
 
@@ -370,8 +373,17 @@ const Drawing = (() => {
     return element("span", {}, picture, ` ${label}`);
   }
 
-  /** The chart of a panel: its first term of every run, and all terms of a run that is alone. */
-  function panelChart(shown, panel, { range, last, signs }) {
+  /** Ticks to either side of a verdict's place that a second plot shows, as Python's `case_data.CLOSE_TICKS`. */
+  const CLOSE_TICKS = 20;
+
+  /** The times of a close-up about a time: some ticks to either side; null where the whole of a run is not much longer. */
+  function closeRange(shown, time) {
+    const reach = CLOSE_TICKS * Math.max(...shown.runs.map((run) => run.dt));
+    return reach > 0 && shown.end - shown.start > 4 * reach ? [time - reach, time + reach] : null;
+  }
+
+  /** The chart of a panel: its first term of every run, and all terms of a run that is alone; `close`: scaled to its range. */
+  function panelChart(shown, panel, { range, last, signs, close }) {
     const runs = shown.visible(), alone = runs.length === 1, curves = [];
     for (const run of runs) {
       panel.terms.slice(0, alone ? panel.terms.length : 1).forEach(([name, label], k) => {
@@ -380,19 +392,20 @@ const Drawing = (() => {
         // What lies below a logarithmic panel runs along its floor; no line leads over a gap.
         const floored = panel.range ? values.map((value) => Math.max(value, panel.range[0])) : values;
         const time = [], drawn = [];
-        floored.forEach((value, i) => { if (run.starts.has(i)) { time.push(run.time[i]); drawn.push(NaN); } time.push(run.time[i]); drawn.push(value); });
+        const [first, end] = close ? [sampleAt(run, range[0]), sampleAt(run, range[1]) + 1] : [0, floored.length - 1];
+        floored.forEach((value, i) => { if (i < first || i > end) return; if (run.starts.has(i)) { time.push(run.time[i]); drawn.push(NaN); } time.push(run.time[i]); drawn.push(value); });
         curves.push({
           x: time, y: drawn, role: k ? ["one", "two", "three"][k - 1] : run.role, dash: k ? [[6, 2], [2, 2], [6, 2, 2, 2]][k - 1] : run.dash,
-          width: k ? 1.1 : 1.5, label: alone && panel.terms.length > 1 ? label : "",
+          width: k ? 1.1 : 1.5, label: alone && !close && panel.terms.length > 1 ? label : "",
         });
       });
     }
     const events = signs ? runs.flatMap((run) => run.events.map(([time, kind]) => ({
       x: time, text: EVENTS[kind][0], role: run.role, title: `${EVENTS[kind][1]}: ${run.name}, t = ${time.toFixed(3)} s`,
     }))) : [];
-    const rules = shown.marks.filter((mark) => mark.run.shown).map((mark) => ({ x: mark.time, role: mark.run.role, dash: [2, 2], width: 1.5 }));
+    const rules = (close ? [{ run: { role: "mark", shown: true }, time: 0.5 * (range[0] + range[1]) }] : shown.marks).filter((mark) => mark.run.shown).map((mark) => ({ x: mark.time, role: mark.run.role, dash: [2, 2], width: 1.5 }));
     return {
-      title: `${panel.label} against time`, x: { label: last ? "time (s)" : "", range, tight: true },
+      title: `${panel.label} against time${close ? ", close up" : ""}`, x: { label: last ? "time (s)" : "", range, tight: true },
       y: { label: panel.label, zero: true, log: Boolean(panel.range), range: panel.range }, curves, rules, signs: events,
     };
   }
@@ -829,12 +842,26 @@ const Drawing = (() => {
   function drawStill(figure) {
     const [data, box] = readFigure(figure), shown = new Case(data);
     scenes.add(new Scene(shown, box, data.title));
-    data.panels.forEach((panel, k) => new Chart(box, panelChart(shown, panel, { last: k === data.panels.length - 1, signs: !k }), 130));
+    const range = data.time === null ? null : closeRange(shown, shown.time);
+    const pairs = element("div", { class: range ? "pairs" : "" });
+    box.append(pairs);
+    data.panels.forEach((panel, k) => {
+      const last = k === data.panels.length - 1, holder = () => pairs.appendChild(element("div"));
+      new Chart(holder(), panelChart(shown, panel, { last, signs: !k }), 130);
+      if (range) new Chart(holder(), panelChart(shown, panel, { range, last, close: true }), 130);
+    });
+    if (range) box.append(element("p", { class: "quiet close-words" }, closeWords(shown.time)));
   }
 
+  const closeWords = (time) => `right: ${CLOSE_TICKS} ticks to either side of t = ${Number(time.toPrecision(6))} s`;
+
+  /** The charts of a figure; of many that share their axes each in a place of its own, below its title. */
   function drawCharts(figure) {
-    const [charts, box] = readFigure(figure);
-    for (const spec of charts) new Chart(box, spec, spec.height ?? USUAL_HEIGHT);
+    const [charts, box] = readFigure(figure), several = figure.classList.contains("multiples");
+    for (const spec of charts) {
+      const holder = several ? box.appendChild(element("div", {}, element("b", {}, spec.title))) : box;
+      new Chart(holder, spec, spec.height ?? USUAL_HEIGHT);
+    }
   }
 
   function drawAll() {
@@ -855,5 +882,5 @@ const Drawing = (() => {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", drawAll); else drawAll();
 
-  return { Case, Scene, Chart, EVENTS, MM, element, svg, sampleAt, size, termValues, panelChart, scenes };
+  return { Case, Scene, Chart, EVENTS, MM, CLOSE_TICKS, closeRange, element, svg, sampleAt, size, termValues, panelChart, scenes };
 })();

@@ -36,6 +36,7 @@ from hapticeval.reports.case_data import (
 from hapticeval.reports.case_page import (
     CASE_ASSETS,
     CheckSection,
+    asset,
     case_section,
     differing_renderers,
     write_assets,
@@ -121,6 +122,18 @@ def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_lead
     for a, b in pairwise(bounds):
         middle = 0.5 * (track.hip[a : b - 1] + track.hip[a + 1 : b])
         assert np.abs(np.linalg.norm(middle, axis=1) - 0.1).max() < 0.001, "lines lie on the circle"
+
+
+def test_round_a_fault_each_tick_is_drawn_for_the_close_up():
+    turn = 2.0 * np.pi * np.arange(6000) / 6000.0
+    hip = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    run = Recording(np.arange(6000) * 1e-3, {"hip": hip, "ihip": hip, "force": 0.0 * hip}, {"source": "playback"})
+    for faults in ((), [3.0]):
+        (track,) = sample_tracks({"r": run}, {"r": [1.0, 3.0]}, faults=faults)
+        counts = [np.sum(np.abs(track.time - at) < 0.0205) for at in (1.0, 3.0)]
+        assert counts[0] < 10
+        assert (counts[1] == 2 * case_data.CLOSE_TICKS + 1) == bool(faults)
+    assert f"CLOSE_TICKS = {case_data.CLOSE_TICKS};" in asset("draw.js").decode()
 
 
 def test_between_jumps_the_steps_are_as_small_as_they_were():

@@ -306,3 +306,31 @@ def test_on_paper_a_dark_page_is_light(opened):
     assert browser.run("getComputedStyle(document.documentElement).getPropertyValue('--fig-ink').trim()") == "#1c1f23"
     browser.run("dispatchEvent(new Event('afterprint'))")
     assert browser.run(PICTURE) == dark
+
+
+def test_the_ticks_round_the_evidence_stand_below_the_values(opened):
+    browser = opened("plane")
+    recording = lobe_recording()
+    at = float(recording.time[jump_tick(recording)])
+    assert f"20 ticks to either side of t = {at:g} s" in browser.run("document.querySelector('.closeup').textContent")
+    assert browser.run("document.querySelectorAll('.closeup .chart').length") == 2
+    place = "document.querySelector('.closeup .chart').getBoundingClientRect()"
+    browser.run("document.querySelector('.closeup').scrollIntoView({ block: 'center' })")
+    x, y = browser.run(f"(b => [b.left + 0.75 * b.width, b.top + 0.5 * b.height])({place})")
+    browser.page.mouse.click(x, y)
+    assert at < browser.run(TIME) < at + 0.02
+    assert not opened("rest").run("document.querySelectorAll('.closeup .chart').length"), "a run of 50 ticks has none"
+
+
+def test_what_is_taller_than_the_window_can_be_read_to_its_end(opened):
+    browser = opened("many", width=1440, height=700)
+    browser.run("scrollTo(0, document.querySelector('.stage').offsetHeight)")
+    browser.until("document.querySelector('.closeup').getBoundingClientRect().bottom <= innerHeight")
+
+
+def test_on_a_phone_the_values_are_whole(opened):
+    browser = opened("plane", width=390, height=844)
+    cells = browser.run("JSON.stringify([...document.querySelectorAll('.now td')].map(c => c.getBoundingClientRect()))")
+    assert all(box["right"] <= 390 and box["width"] > 0 for box in json.loads(cells))
+    heading = "getComputedStyle(document.querySelector('.now td'), '::before').content"
+    assert "IHIP" in browser.run(heading)

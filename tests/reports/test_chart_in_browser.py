@@ -30,7 +30,10 @@ CHARTS = {
         x=Axis(label="time (us)", log=True),
         y=Axis(label="error (mm)", log=True),
         curves=[Curve(x=[1.0, 10.0, 100.0], y=[1.0, 1e-3, 1e-6], role="one", marker="s", hollow=True, faint=True)],
-        notes=[Note(1.0, 1.0, "first"), Note(1.02, 1.0, "covered"), Note(100.0, 1e-6, "last, at the right edge")],
+        notes=[
+            *(Note(1.0 + 0.01 * k, 1.0, text) for k, text in enumerate(("first", "below", "lowest", "covered"))),
+            Note(100.0, 1e-6, "last, at the right edge"),
+        ],
     ),
     "names": Chart(
         title="names",
@@ -93,7 +96,11 @@ def test_axes_of_powers_have_powers_and_words_cover_no_others(browser):
     texts = words(browser, "powers")
     assert {"1", "10", "100", "first", "last, at the right edge"} <= set(texts)
     assert "10⁻⁶" in texts
-    assert "covered" not in texts
+    assert "covered" not in texts, "above, below and farther below are taken"
+    boxes = "[...document.querySelectorAll('#powers .note-text')].map(text => text.getBoundingClientRect().top)"
+    tops = browser.run(f"{boxes}.slice(0, 3)")
+    assert tops == sorted(tops)
+    assert min(np.diff(tops)) > 12.0
 
 
 def test_rows_of_names_go_from_the_top(browser):

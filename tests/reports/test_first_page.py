@@ -18,7 +18,9 @@ from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports import ReportView, markdown, render_pages, write_reports
+from hapticeval.reports.bench_figure import cheapest_by_renderer
 from hapticeval.reports.canvas import THEME
+from hapticeval.reports.cards import accuracy_card, cases_by_effect, effects_card
 from hapticeval.reports.pages import worst_words
 from hapticeval.reports.templates import GLOSSARY, anchor, case_file, explain_terms
 from hapticeval.runner.folder import REPORTS
@@ -32,6 +34,7 @@ from hapticeval.study.bench.document import (
     ReferenceEntry,
     SettingEntry,
     Times,
+    Uncalled,
 )
 
 VOID = {"meta", "br", "input", "link", "img"}
@@ -100,7 +103,7 @@ def pages(reported):
 def test_the_first_page_tells_what_ran_and_what_was_found(pages):
     page = pages["index.html"]
     for text in (
-        "5 of 13 verdicts are not as expected, 2 runs broke",
+        "4 of 13 verdicts are not as expected, broken and plain broke in 2 runs, which lost 1 verdict",
         "3 renderers in 2 cases, 13 verdicts",
         "1 in error",
         "2 failed",
@@ -114,7 +117,7 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
         "hapticeval 0.1.0",
     ):
         assert text in page.words, text
-    assert "published: No" in pages["summary.html"].words
+    assert "published: No" in page.words
 
 
 def test_each_card_has_the_figure_of_its_own_verdict(pages, results):
@@ -126,7 +129,7 @@ def test_each_card_has_the_figure_of_its_own_verdict(pages, results):
 
 
 def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads_somewhere(pages, results):
-    beside = {"index.html", "checks.html", "summary.html", "reading.html"}
+    beside = {"index.html", "checks.html", "reading.html"}
     assert set(pages) == beside | {case_file(run.suite, run.case) for run in results.runs}
     for each in results.verdicts:
         page = pages[case_file(each.suite, each.case)]
@@ -324,7 +327,7 @@ def test_the_summary_is_grouped_and_no_row_is_lost(two_suites, results):
 
 def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_published(results):
     mine = {"table": {"Resists <Pop>": {"plain": "No"}}, "published_table": {"Resists <Pop>": {"theirs": "Yes"}}}
-    page = words(synthetic_results(**mine), "summary")
+    page = words(synthetic_results(**mine))
     assert "plain theirs in print Resists <Pop> No Yes" in page
     assert "theirs (in print)" in markdown(synthetic_results(**mine))
 
@@ -444,17 +447,76 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         "Incomplete: interrupted <by> the user.",
         "circle a on the exact curve 0.1 mm within 10 µs a vertices 40 30 µm in 2 µs",
         "circle 1 nm no setting",
-        "b vertices 40 ≤ 30 µm at (1, -2) mm ≤ 20 µm 2e-5° 2e-5 N 2 µs 3 µs 0.3 % 1.2 MB 100 ms",
+        "b vertices 40 ≤ 30 µm at (1, -2) mm ≤ 20 µm 2e-5° 2e-5 N 2 µs 0.2 % 1.2 MB 3 µs 100 ms",
         "worse: a on the circle, step, 1.5 times what it was",
         "a on the circle, by vertices: ihip 2.00",
         "the exact curve: a on the circle, b on the circle",
         "Not measured c vertices 40 on the circle: no <room>",
         "2 cores, Python 3.11, numpy 2, a call that does nothing takes 40 ns, 99 % of them at most 50 ns, "
         "which is in every step, 8 rounds, seed 1.",
-        "Pareto front",
-        "least time to build (s)",
+        "a vertices 40 ★ 2 µs 30 µm 1.2 MB 100 ms",
+        "tick of 1 ms",
     ):
         assert expected in page, expected
+
+
+def test_the_first_card_names_the_quickest_setting_within_a_tenth_of_a_millimetre(results):
+    def entry(renderer, time, error, **changes):
+        errors = {name: {"rms": error, "p99": error, "max": error} for name in ("ihip", "normal", "force")}
+        names = {"key": f"{renderer}{time}", "label": f"{renderer} {error:g}"}
+        times = Times(median=time, p99=time, rounds=[time])
+        return setting(renderer, claims=errors, step=times, **names, **changes)
+
+    slow, quick, off = entry("a@curve", 9e-6, 0.0), entry("a@polygon", 3e-6, 9e-5), entry("a@polygon", 1e-6, 2e-4)
+    far, farther = entry("b", 8e-6, 4e-4), entry("b", 1e-6, 8e-4)
+    settings = [slow, off, quick, farther, far]
+    assert cheapest_by_renderer(settings) == {"a": quick, "b": far}
+    assert cheapest_by_renderer(settings, group=str) == {"a@polygon": quick, "a@curve": slow, "b": far}
+    bench = BenchResults(
+        complete=True, reason=None, quick=True, seed=1, rounds=1, environment={}, machine={}, command={}, references=[],
+        settings=settings, orders=[], answers=[], timing={}, uncalled=Uncalled("a@curve", True, 1.004),
+    )  # fmt: skip
+    card = accuracy_card(bench)
+    assert card.sentence == (
+        "1 of 2 renderers come within 0.1 mm of what they aim at, in 3 µs to 3 µs a step: 0.3 % of a tick. "
+        "b is off by 0.4 mm at its best."
+    )
+    page = render(results, "costs", bench=bench)
+    assert page.count("★") == 2, "in the words above and at one setting"
+    assert '"title":"a"' in page
+    assert '"title":"b"' in page
+    first = render(results, bench=bench)
+    assert first.index('id="summary"') < first.index(card.sentence) < first.index('id="phenomena"')
+
+
+def test_a_card_tells_which_cases_call_for_effects_and_what_an_uncalled_one_costs():
+    friction = {"kind": "friction", "mu_s": 0.5, "mu_k": 0.3}
+    runs = [synthetic_run(case, "plain", "line") for case in ("a", "b", "c")]
+    runs[2] = changed(runs[2], scene=changed(runs[2].scene, effects=[friction]))
+    cases = cases_by_effect(synthetic_results(runs=runs, verdicts=[]))
+    assert cases == {"none": [("synthetic", "a"), ("synthetic", "b")], "friction": [("synthetic", "c")]}
+    assert effects_card(cases, None).sentence.startswith("2 of 3 cases call for no effect, and run the renderer as its")
+    assert effects_card({"none": cases["none"]}, None) is None
+
+
+def test_the_table_has_the_columns_of_print_first_and_leads_to_the_worst_behind_an_answer(results):
+    suite = SuiteEntry(
+        name="synthetic", title="The <first>", citation="thesis 6.3, Table 6.3", rows=["Resists <Pop>"],
+        cells={"Resists <Pop>": ["lobe/continuous-contact"]},
+    )  # fmt: skip
+    mine = {
+        "table": {"Resists <Pop>": {"plain": "No", "broken": "No"}},
+        "published_table": {"Resists <Pop>": {"broken": "No"}},
+    }
+    view = ReportView(changed(synthetic_results(**mine), suites=[suite]))
+    summary = view.first_summary
+    assert summary.number == "Table 6.3"
+    assert summary.renderers == ("broken", "plain")
+    link = view.answer_link(summary, "Resists <Pop>", "plain")
+    assert link == f"{case_file('synthetic', 'lobe')}#{anchor('plain', 'continuous-contact')}"
+    page = render_pages(view)["index.html"]
+    assert f'<a class="answer no" href="{link}">No</a>' in page
+    assert "as published" in page
 
 
 # Replays: the differences, the clock, and that the hand would have reacted.

@@ -40,7 +40,7 @@ def report(tmp_path_factory):
     write_recording(folder / results.runs[2].recording, tip_recording())
     write_reports(folder, workers=0)
     write_reports(folder, single_file=True, workers=0)
-    beside = {name: folder / "report" / f"{name}.html" for name in ("summary", "hard-cases", "reading", "checks")}
+    beside = {name: folder / "report" / f"{name}.html" for name in ("hard-cases", "reading", "checks")}
     return {"first": folder / "report" / "index.html", "single": folder / "report.html", **beside}
 
 
@@ -56,7 +56,7 @@ def opened(browser, report):
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [1440, 390])
-@pytest.mark.parametrize("name", ["first", "single", "summary", "hard-cases", "reading", "checks"])
+@pytest.mark.parametrize("name", ["first", "single", "hard-cases", "reading", "checks"])
 def test_it_has_no_fault_for_people_who_do_not_see_or_point_well(opened, name, width, dark):
     browser = opened(name, width=width, dark=dark)
     browser.run(AXE.read_text(encoding="utf-8") + ";0")
@@ -73,15 +73,30 @@ def test_nothing_reaches_beyond_the_window(opened, width):
 
 
 @pytest.mark.parametrize("width", [1440, 390])
-@pytest.mark.parametrize("name", ["first", "summary", "hard-cases", "reading", "checks"])
+@pytest.mark.parametrize("name", ["first", "hard-cases", "reading", "checks"])
 def test_no_text_is_smaller_than_eleven_pixels(opened, name, width):
     assert json.loads(opened(name, width=width).run(SMALL_TEXT)) == []
 
 
-@pytest.mark.parametrize("name", ["summary", "reading"])
+@pytest.mark.parametrize("name", ["reading"])
 def test_a_page_s_first_words_stand_clear_of_its_header(opened, name):
     bottom, top = "document.querySelector('header').getBoundingClientRect().bottom", "p.getBoundingClientRect().top"
     assert opened(name).run(f"(p => {top} - {bottom})(document.querySelector('main p'))") >= 15
+
+
+def test_a_card_has_a_close_up_beside_each_plot(opened):
+    browser = opened("first")
+    shown = browser.run("[...document.querySelectorAll('.still .pairs .chart')].map(c => c.getAttribute('aria-label'))")
+    assert [text.endswith(", close up") for text in shown[:4]] == [False, True, False, True]
+    assert "20 ticks to either side of t = " in browser.run("document.querySelector('.close-words').textContent")
+
+
+def test_on_a_phone_the_table_is_whole(opened):
+    browser = opened("first", width=390, height=844)
+    cells = "[...document.querySelectorAll('#summary td')].map(cell => cell.getBoundingClientRect())"
+    boxes = json.loads(browser.run(f"JSON.stringify({cells})"))
+    assert boxes
+    assert all(box["right"] <= 390 for box in boxes)
 
 
 def test_on_a_phone_the_whole_grid_is_in_sight(opened):
@@ -190,7 +205,8 @@ def test_each_card_is_drawn_with_its_plots(opened):
     drawn = browser.run(DRAWN % "figure.still")
     assert len(drawn) == count
     assert all(values > 10 for values in drawn)
-    assert browser.run("[...document.querySelectorAll('.still')].every(f => f.querySelectorAll('.chart').length === 2)")
+    counts = browser.run("[...document.querySelectorAll('.still')].map(f => f.querySelectorAll('.chart').length)")
+    assert set(counts) == {2, 4}, "a close-up beside each where the verdict has a time"
 
 
 def test_for_paper_all_cases_of_the_one_file_are_drawn(opened):

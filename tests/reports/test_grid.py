@@ -14,17 +14,21 @@ from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
 from result_entries import changed
 
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.reports.cards import hard_card
 from hapticeval.reports.grid import (
     Tile,
     bound_share,
     case_grid,
+    digit_families,
+    gravest_first,
     hard_cases,
     headline,
     is_sound,
     phenomenon_grid,
     worst_verdicts,
 )
-from hapticeval.runner.results import Problem
+from hapticeval.reports.pages import ReportView
+from hapticeval.runner.results import Measure, Problem, SuiteEntry
 from hapticeval.runner.standing import Standing, count_standings
 
 
@@ -258,3 +262,62 @@ def test_what_broke_is_shown_once_with_the_checks_that_it_took_away():
     assert [[run.case for run in each.runs] for each in found] == [["one", "two"], ["one"], ["two"]]
     assert found[0].checks == ["passivity", "broken-contact"]
     assert worst_verdicts(results, 10) == [], "none of them is a failure that was measured"
+
+
+def test_worst_first_is_what_a_hand_feels(results):
+    """A pop-through of 17 mm stands before 0.019 N, though that is 1.4e6 of its bounds."""
+    fails = [each for each in results.verdicts if each.outcome is Outcome.FAIL and each.metric]
+    jump = changed(fails[0], metric=Measure(name="IHIP jump", value=0.017, unit="m"), bound=1e-3)
+    drag = changed(jump, case="drag", metric=Measure(name="force", value=0.019, unit="N"), bound=0.019 / 1.4e6)
+    angle = Measure(name="angle", value=60.0, unit="deg")
+    turned = changed(jump, case="turned", metric=angle, evidence={"force_N": 20.0})
+    share = changed(jump, case="share", metric=Measure(name="less", value=0.5, unit=""), evidence={"force_N": 10.0})
+    work = changed(jump, case="work", metric=Measure(name="work", value=9.0, unit="J"), bound=1e-9)
+    mixed = gravest_first([work, drag, share, jump, turned])
+    assert [each.felt for each in mixed] == pytest.approx([20.0, 17.0, 5.0, 0.019, 0.0])
+    assert mixed[0].case == "turned"
+    assert max([drag, jump], key=lambda verdict: verdict.severity) is jump
+
+
+def test_a_renderer_that_breaks_in_one_line_counts_once(results):
+    broke = [run for run in results.runs if run.error][:1]
+    first = changed(results.verdicts[0], level=Level.MUST, known=None, published=None, inherent="")
+    lost = [changed(first, outcome=Outcome.ERROR, as_expected=False)] * 14
+    cases = [f"c{number}" for number in range(14)]
+    runs = [changed(broke[0], case=case, renderer="mine") for case in cases]
+    verdicts = [changed(each, case=case, renderer="mine") for each, case in zip(lost, cases, strict=True)]
+    broken = synthetic_results(verdicts=verdicts, runs=runs)
+    assert headline(broken) == "mine broke in 14 runs, which lost 14 verdicts"
+    assert ReportView(broken).unexpected_count == 1
+    assert not is_sound(broken)
+
+
+def test_families_of_hard_cases_come_with_the_fewest_digits_first_and_coarse_models_apart(results):
+    digits = changed(results.verdicts[0], check="numerical-stability", published=None)
+
+    def kept(case, renderer, count, declared=0.0):
+        return changed(digits, case=case, renderer=renderer, evidence={"digits": count, "declared_m": declared})
+
+    verdicts = [
+        kept("lobe", "plain", 12.9), kept("lobe", "broken", 0.4, 0.016), kept("tip", "plain", 8.2),
+        kept("tip", "broken", -3.0, 0.016),
+    ]  # fmt: skip
+    suite = SuiteEntry(
+        name="synthetic", title="Hard", citation="", rows=[],
+        cells={
+            "Keeps its digits at any scale": ["lobe/numerical-stability"],
+            "Keeps its digits at any angle": ["tip/numerical-stability", "tip/contact-kept"],
+            "Comes to rest": ["lobe/comes-to-rest"],
+        },
+    )  # fmt: skip
+    given = changed(synthetic_results(verdicts=verdicts), suites=[suite])
+    families = digit_families(given)
+    assert [(each.title, each.digits, each.coarse_digits) for each in families] == [
+        ("at any angle", 8, 0),
+        ("at any scale", 12, 0),
+    ]
+    assert [row.case for row in hard_cases(given)[1]] == ["tip", "lobe"]
+    card = hard_card(families)
+    assert card.sentence.startswith("At least 8 of 16 digits are kept, fewest at any angle: The tip")
+    assert "coarse" in card.sentence
+    assert hard_card([]) is None

@@ -1,0 +1,144 @@
+"""The first page's cards: what accuracy costs in time, hard cases and effects, each a picture and a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from hapticeval.quantity import format_duration, format_length, plural
+from hapticeval.reports.bench_figure import MICROSECONDS, TARGET_ERROR, TICK_RULE, cheapest_by_renderer
+from hapticeval.reports.canvas import MM
+from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data
+from hapticeval.reports.grid import DigitFamily
+from hapticeval.runner.results import ResultsDocument
+from hapticeval.study.bench.document import TICK, BenchResults
+
+DOUBLE_DIGITS = 16
+"""Decimal digits of double precision."""
+
+ASKED_DIGITS = 9
+"""Digits that `numerical-stability` asks for, where no coarser resolution is declared."""
+
+CARD_ROW, CARD_FRAME = 21, 50
+"""Pixels of a row of a card's picture, and of what stands round the rows."""
+
+MOST_KINDS = 7
+"""Kinds of effects that a card has a row for."""
+
+
+class Card(NamedTuple):
+    """A picture that answers at a glance, `data` of its chart, with a sentence; `page` is the page that it leads to."""
+
+    page: str
+    title: str
+    sentence: str
+    data: str
+
+
+def accuracy_card(bench: BenchResults) -> Card | None:
+    """Return the card of a bench: of each renderer the cheapest setting within 0.1 mm, or else the most accurate."""
+    model, settings = next(iter(bench.by_model().items()))
+    best = cheapest_by_renderer(settings)
+    if not best:
+        return None
+    curves, notes, times, outside = [], [], [], []
+    for row, (name, setting) in enumerate(best.items()):
+        assert setting.claims is not None
+        assert setting.step is not None
+        error, time = setting.claims["ihip"]["max"], MICROSECONDS * setting.step.median
+        is_within = MM * error <= TARGET_ERROR
+        role = "hip" if is_within else "ihip"
+        curves.append(Curve(x=[time], y=[row], line=False, role=role, marker="o", size=8.0, hollow=not is_within))
+        notes.append(Note(time, row, format_length(error) if error else "its own exact curve"))
+        if is_within:
+            times.append(setting.step.median)
+        else:
+            outside.append(f"{name} is off by {format_length(error)} at its best")
+    within = f"{len(times)} of {plural(len(best), 'renderer')} come within {TARGET_ERROR} mm of what they aim at"
+    if times:
+        share = 100.0 * max(times) / TICK
+        within += f", in {format_duration(min(times))} to {format_duration(max(times))} a step: {share:.2g} % of a tick"
+    chart = Chart(
+        title=f"time a step of each renderer's cheapest setting within {TARGET_ERROR} mm, on the {model}",
+        x=Axis(label=f"time a step (µs); hollow: not within {TARGET_ERROR} mm", log=True, range=(1.0, 2000.0)),
+        y=Axis(label="", names=list(best)),
+        curves=curves,
+        rules=[TICK_RULE],
+        notes=notes,
+        height=CARD_FRAME + CARD_ROW * len(best),
+    )
+    sentence = ". ".join([within, *outside]) + "."
+    return Card("costs", "What accuracy costs in time", sentence, charts_data([chart]))
+
+
+def hard_card(families: Sequence[DigitFamily]) -> Card | None:
+    """Return the card of hard cases: the fewest digits that are kept in each family of them, the worst first."""
+    if not families:
+        return None
+    curves = [
+        Curve(
+            x=[family.digits], y=[row], line=False, role="hip" if family.digits >= ASKED_DIGITS else "ihip", marker="o",
+            size=8.0,
+        )
+        for row, family in enumerate(families)
+    ]  # fmt: skip
+    coarse = [(row, family) for row, family in enumerate(families) if family.coarse_digits is not None]
+    curves += [
+        Curve(
+            x=[float(family.coarse_digits or 0)], y=[row], line=False, role="quiet", marker="o", size=8.0, hollow=True
+        )
+        for row, family in coarse
+    ]
+    worst = families[0]
+    sentence = f"At least {worst.digits:.0f} of {DOUBLE_DIGITS} digits are kept, fewest {worst.title}: {worst.case}."
+    if coarse:
+        sentence += " What declares a coarse model of its own (hollow) keeps as few as that gives."
+    chart = Chart(
+        title="fewest decimal digits that answers keep, by family of hard cases",
+        x=Axis(label=f"digits kept; {ASKED_DIGITS} are asked for", range=(-0.5, DOUBLE_DIGITS + 0.5)),
+        y=Axis(label="", names=[family.title for family in families]),
+        curves=curves,
+        rules=[Rule(x=ASKED_DIGITS, role="mark", dash=(4, 2))],
+        height=CARD_FRAME + CARD_ROW * len(families),
+    )
+    return Card("hard-cases", "Hard cases", sentence, charts_data([chart]))
+
+
+def cases_by_effect(results: ResultsDocument) -> dict[str, list[tuple[str, str]]]:
+    """Return the cases, by suite and name, that call for each kind of effect; those for "none" come first."""
+    cases: dict[str, list[tuple[str, str]]] = {"none": []}
+    for key, run in {(run.suite, run.case): run for run in results.runs}.items():
+        for kind in dict.fromkeys(str(effect["kind"]) for effect in run.scene.effects) or ("none",):
+            cases.setdefault(kind, []).append(key)
+    return cases
+
+
+def effects_card(cases: Mapping[str, Sequence[tuple[str, str]]], bench: BenchResults | None) -> Card | None:
+    """Return the card of effects from their `cases_by_effect`, and what one costs that none calls for."""
+    called = sorted((kind for kind in cases if kind != "none"), key=lambda kind: -len(cases[kind]))
+    if not called:
+        return None
+    rows = {kind: len(cases[kind]) for kind in ("none", *called[: MOST_KINDS - 1])}
+    rest, count = len(called) - len(rows) + 1, len({case for keys in cases.values() for case in keys})
+    sentence = f"{rows['none']} of {plural(count, 'case')} call for no effect{_uncalled_words(bench)}"
+    sentence += f" {rest} more kinds are called for." if rest else ""
+    chart = Chart(
+        title="cases that call for each effect",
+        x=Axis(label="cases that call for it", log=True, range=(0.8, 1.6 * max(rows.values()))),
+        y=Axis(label="", names=list(rows)),
+        curves=[
+            Curve(x=[0.8, count], y=[row, row], role="hip" if row else "quiet", width=9.0)
+            for row, count in enumerate(rows.values())
+        ],
+        notes=[Note(count, row, str(count)) for row, count in enumerate(rows.values())],
+        height=CARD_FRAME + CARD_ROW * len(rows),
+    )
+    return Card("effects", "Effects", sentence, charts_data([chart]))
+
+
+def _uncalled_words(bench: BenchResults | None) -> str:
+    """Return what an effect costs that a scene does not call for, as the bench has measured it."""
+    if bench is None or bench.uncalled is None:
+        return ", and run the renderer as its factory made it."
+    same = "the same" if bench.uncalled.same_law else "another"
+    return f": {same} law object runs as without the machinery, and takes {bench.uncalled.ratio:.2f} times as long."
