@@ -40,7 +40,7 @@ run: $(VENV)/run.stamp
 	@$(BIN)/hapticeval replay results/robot.h5 -r minimum-distance -r constraint -r conformal -o results/replay || true
 	@$(BIN)/hapticeval reproduce all -o results/thesis > /dev/null || \
 	  echo "something of the thesis differs for no reason that is given: see results/thesis/index.html" >&2
-	@$(BIN)/hapticeval run thesis dynamics generated effects hard-cases solids experiments -o results || { code=$$?; \
+	@$(BIN)/hapticeval run thesis dynamics generated effects hard-cases solids moving experiments -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 

@@ -37,7 +37,7 @@ class Pose(NamedTuple):
 
     def turned_back(self, vectors: Array) -> Array:
         """Return vectors (N,) or (n, N) of the world's axes in the body's: Rᵀ v."""
-        return np.asarray((np.swapaxes(self.rotation, -1, -2) @ vectors[..., np.newaxis])[..., 0])
+        return np.asarray((vectors[..., np.newaxis, :] @ self.rotation)[..., 0, :])
 
     def velocity_in_world(self, before: Pose, point: Array, velocity: Array, dt: float | Array) -> Array:
         """Return the world's velocity, m/s, of a hand at `point` (N,), m, with the body's `velocity` (N,), m/s.
@@ -62,8 +62,12 @@ def resting_pose(dimension: int) -> Pose:
 
 def turn_in_plane(angle: ArrayLike) -> Array:
     """Return the rotations (..., 2, 2) by angles (...,), rad, anticlockwise."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    angle = np.asarray(angle, dtype=np.float64)
+    rotation = np.empty((*angle.shape, 2, 2))
+    rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
+    rotation[..., 1, 0] = np.sin(angle)
+    rotation[..., 0, 1] = -rotation[..., 1, 0]
+    return rotation
 
 
 def turn_about(axis: Array, angle: ArrayLike) -> Array:
