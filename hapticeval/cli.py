@@ -33,6 +33,7 @@ Examples:
   hapticeval new python mymodule          a renderer to start from
   hapticeval search -r mymodule:factory   the smallest path that breaks it
   hapticeval bench --quick                what accuracy costs in time
+  hapticeval reproduce figure-6.22        a figure of the thesis, beside the print
   hapticeval record -o run.h5             record a robot; here a simulated one
   hapticeval replay run.h5 -r constraint  its hand path, another renderer
 """

@@ -111,6 +111,8 @@ class Reproduction:
         from hapticeval import api
 
         results = api.run([renderer], suites=suite_of(suite), select=" or ".join(places), workers=0)
+        if not results.complete:
+            raise KeyboardInterrupt
         for run in results.document.runs:
             self.recordings[f"{suite}/{run.case}", renderer] = results.recording(f"{run.suite}/{run.case}")
         for verdict in results.verdicts:

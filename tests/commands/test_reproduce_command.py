@@ -29,6 +29,7 @@ def test_a_figure_is_drawn_and_compared(tmp_path, capsys):
     assert all((tmp_path / name).read_text(encoding="utf-8").startswith("<?xml") for name in pictures)
 
 
+@pytest.mark.system
 def test_the_table_comes_out_as_published(tmp_path):
     assert main(["reproduce", "table-6.3", "-o", str(tmp_path)]) == 0
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
