@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from hapticeval.runner.results import VerdictEntry
     from hapticeval.study.thesis.printed import Claim, Comparison, Item, Part
     from hapticeval.suite.suite import Suite
-    from hapticeval.table import Cell, Table
 
 REPRODUCE_CODES = """\b
 Exit codes:
@@ -127,8 +126,7 @@ class Reproduction:
         typed = [self._type(line, f"{slug_of(name)}-{number}") for number, line in enumerate(item.studies, start=1)]
         pictures = [*(picture for _, picture, _ in typed), *self._draw(item, slug_of(name), len(typed))]
         comparisons = [self._decide(item, claim, [document for document, _, _ in typed]) for claim in item.claims]
-        table, cells = self._table(item)
-        return Part(name, item, pictures, [text for _, _, text in typed], table, [*comparisons, *cells])
+        return Part(name, item, pictures, [text for _, _, text in typed], [*comparisons, *self._cells(item)])
 
     def _type(self, line: str, stem: str) -> tuple[dict[str, Any], Path, str]:
         """Type a line: return the document that it writes, with what it `came_to`, its picture and its text."""
@@ -191,28 +189,16 @@ class Reproduction:
         one, other = (Run(name, scene, self.recordings[case, name]) for name in names)
         return claim.compare(measure(claim.measure, one, claim.options, other))
 
-    def _table(self, item: Item) -> tuple[Table | None, list[Comparison]]:
-        """Return the table of the suite that an item is, as published beneath, and its cells as claims."""
+    def _cells(self, item: Item) -> Iterator[Comparison]:
+        """Yield the cells of the table of the suite that an item is, row by row, beside those in print."""
         from hapticeval.study.thesis.printed import Claim, Comparison, full_name
-        from hapticeval.table import Cell, Table
 
-        names = list(map(full_name, item.renderers))
-        comparisons: list[Comparison] = []
-        rows: list[list[str | Cell]] = []
         for (suite, title), answers in self.answers.items():
-            cells = [(name, *answers.get(name, ("--", None))) for name in names]
-            in_row = [
-                Comparison(
-                    claim=Claim(says=title, of=name, value=value or "--"), agrees=value in (None, ours), ours=ours
-                )
-                for name, ours, value in cells
-            ]
-            if suite != item.suite or all(value is None for _, _, value in cells):
-                continue
-            comparisons += [one for one in in_row if one.claim.value != "--"]
-            rows.append([title, *(Cell(one.ours, "good" if one.agrees else "bad") for one in in_row)])
-            rows.append(["as published", *(one.claim.value for one in in_row)])
-        return (Table(item.suite, ["", *names], rows) if rows else None), comparisons
+            for name in map(full_name, item.renderers if suite == item.suite else ()):
+                ours, published = answers.get(name, ("--", None))
+                if published is not None:
+                    claim = Claim(says=title, of=name, value=published)
+                    yield Comparison(claim=claim, agrees=ours == published, ours=ours)
 
 
 def _cells_of(item: Item) -> Iterator[tuple[str, str, str]]:

@@ -14,7 +14,6 @@ from msgspec import Struct, field
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import UnknownNameError
 from hapticeval.quantity import format_number
-from hapticeval.table import Table
 
 ITEMS_FILE = Path(__file__).with_name("items.toml")
 
@@ -137,7 +136,6 @@ class Part(NamedTuple):
     item: Item
     pictures: Sequence[Path]
     texts: Sequence[str]
-    table: Table | None
     comparisons: Sequence[Comparison]
 
 
