@@ -12,7 +12,7 @@ extern "C" {
 enum { HR_OK = 0, HR_FREE = 0, HR_CONTACT = 1, HR_REFUSES_MODEL = 1, HR_REFUSES_HIP = 2 };
 /* Flags: what a scene asks for, and what a renderer can do. One with neither HR_PLANE nor HR_SPACE is given both. */
 enum { HR_PLANE = 1, HR_SPACE = 2, HR_BILATERAL = 4, HR_VISCOSITY = 8, HR_SPRING = 16, HR_FORCE_ONLY = 32,
-       HR_MEMORYLESS = 64, HR_SMOOTH_ONLY = 128 };
+       HR_MEMORYLESS = 64, HR_SMOOTH_ONLY = 128, HR_MOVING = 256 };
 /* HR_BILATERAL: the surface holds the tool from both sides. HR_SPRING: force = stiffness * (ihip - hip) + damping.
  * HR_FORCE_ONLY: ihip is always hip. HR_MEMORYLESS: ihip depends on hip alone. HR_SMOOTH_ONLY: not for corners. */
 
@@ -42,6 +42,8 @@ int32_t hr_reset(void *self, const double *hip, const double *tool);  /* a run b
 int32_t hr_step(void *self, const double *hip, const double *velocity, double dt, double *ihip, double *force);
   /* HR_FREE (ihip = hip, force = 0), HR_CONTACT, or HR_REFUSES_HIP outside your domain; always write ihip and force. The force acts on the hand */
 void hr_destroy(void *self);
+int32_t hr_place(void *self, const double *pose);  /* with HR_MOVING, before hr_reset and each hr_step: x of the mesh is at
+  R x + t, where pose is R, row by row, then t (m); hip, velocity, tool, ihip and force are then in the world */
 #ifdef __cplusplus
 }
 #endif

@@ -25,6 +25,7 @@ from hapticeval.adapters.c_calls import call_clock, call_step
 from hapticeval.adapters.outside import Outside
 from hapticeval.compiled import borrowing
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
+from hapticeval.geometry.pose import Pose
 from hapticeval.laws import LawData, law_data
 from hapticeval.pulse import PENDING_SIZE, pending_memory
 from hapticeval.renderer import RANGE_WORDS, CompiledStep, Declaration, Response, Spring
@@ -37,7 +38,8 @@ HEADER = Path(__file__).with_name("hapticeval.h")
 ABI = 1
 CONTACT_FLAG, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
 BILATERAL_FLAG, SPRING_FLAG, FORCE_ONLY_FLAG, MEMORYLESS_FLAG, SMOOTH_ONLY_FLAG = 4, 16, 32, 64, 128
-REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL_FLAG: "bilateral", 8: "viscosity"}
+MOVING_FLAG = 256
+REQUIREMENT_FLAGS = {1: "plane", 2: "space", BILATERAL_FLAG: "bilateral", 8: "viscosity", MOVING_FLAG: "moving"}
 """Flags of the header by which a library supports scenes with these requirements."""
 
 REQUIRED_FUNCTIONS = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
@@ -182,8 +184,8 @@ def info_of(path: Path) -> Info:
             why="it is called with self NULL first, before a scene",
             todo="write flags and max_error then, and return 0",
         )
-    # SMOOTH_ONLY_FLAG is the highest flag of this header: above it are those of a later one.
-    if info["flags"] >= 2 * SMOOTH_ONLY_FLAG:
+    # MOVING_FLAG is the highest flag of this header: above it are those of a later one.
+    if info["flags"] >= 2 * MOVING_FLAG:
         raise InputError(
             f"the library {path} has the flags {info['flags']:#x}",
             why="this version of hapticeval does not know all of them",
@@ -252,7 +254,11 @@ def _load(path: Path) -> ctypes.CDLL:
     library.hr_reset.argtypes = [c_void_p, point, point]
     library.hr_step.argtypes = [c_void_p, point, point, c_double, point, point]
     library.hr_destroy.argtypes, library.hr_destroy.restype = [c_void_p], None
-    for name in ("hr_info_get", "hr_create", "hr_reset", "hr_step"):
+    names = ["hr_info_get", "hr_create", "hr_reset", "hr_step"]
+    if hasattr(library, "hr_place"):  # the one function that is optional
+        library.hr_place.argtypes = [c_void_p, point]
+        names.append("hr_place")
+    for name in names:
         getattr(library, name).restype = c_int32
     return library
 
@@ -359,6 +365,9 @@ class LibraryRenderer:
         # Attributes that a renderer has only where they hold: see `Outside.lengths`.
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
+        self._pose: Pose | None = None
+        if hasattr(library, "hr_place"):
+            self.place = self._place
         promise = _declaration(info, lengths)
         if promise != Declaration():
             self.declares = promise
@@ -380,7 +389,7 @@ class LibraryRenderer:
         struct = SceneStruct(
             size=ctypes.sizeof(SceneStruct),
             dimension=scene.model.dimension,
-            flags=BILATERAL_FLAG if scene.bilateral else 0,
+            flags=(BILATERAL_FLAG if scene.bilateral else 0) | (0 if scene.motion is None else MOVING_FLAG),
             n_vertices=len(vertices),
             n_cells=len(cells),
             vertices=vertices.ctypes.data_as(POINTER(c_double)),
@@ -399,11 +408,19 @@ class LibraryRenderer:
         if status:
             raise RendererError(f"the library's hr_create() returned {status}", why=text)
 
+    def _place(self, rotation: Array, translation: Array) -> None:
+        """Give the library the pose of the body, see `WrappedRenderer.place`; it is `place` where it has `hr_place`."""
+        self._pose = Pose(rotation, translation)
+        numbers = np.concatenate([np.ravel(rotation), translation])
+        status = self._library.hr_place(self._self, numbers.ctypes.data)
+        if status:
+            raise RendererError(f"the library's hr_place() returned {status}", why="0 is what all is well with")
+
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the library refuses it."""
         self.contact = False
         hip = np.array(hip, dtype=np.float64)
-        tool = np.array(self._outside.tool(hip, self._margin), dtype=np.float64)
+        tool = np.array(self._outside.tool(hip, self._margin, self._pose), dtype=np.float64)
         status = self._library.hr_reset(self._self, hip.ctypes.data, tool.ctypes.data)
         if status:
             self._refuse("hr_reset", status, hip)

@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.pose import Pose
 from hapticeval.geometry.representations import Facets
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -49,7 +50,7 @@ class Outside:
             "chord_error": self.facets.chord_error,
         }  # fmt: skip
 
-    def tool(self, hip: Array, standoff: float = 0.0) -> Array:
+    def tool(self, hip: Array, standoff: float = 0.0, pose: Pose | None = None) -> Array:
         """Return the point (N,), m, at which the tool starts after a reset with the hand at `hip` (N,), m: a free one.
 
         Free is what lies outside of the facets by `CLEARANCE_SHARE` of the model's size and `standoff` (m). It is the
@@ -59,8 +60,14 @@ class Outside:
         - the point straight off the nearest one of the surface;
         - one beside that: see `_clear_point`.
 
-        In a bilateral scene the tool starts on the surface.
+        In a bilateral scene the tool starts on the surface. With the `pose` of a body that moves both are in the world.
         """
+        if pose is not None:
+            return pose.to_world(self._tool_at_rest(pose.to_body(hip), standoff))
+        return self._tool_at_rest(hip, standoff)
+
+    def _tool_at_rest(self, hip: Array, standoff: float) -> Array:
+        """Return the point (N,), m, at which the tool starts: see `tool`; both in the frame of the body."""
         boundary: Boundary = self.facets.boundary
         frame = boundary.closest_point(hip[np.newaxis])
         foot, clear = frame.foot[0], standoff + CLEARANCE_SHARE * self.scene.model.size

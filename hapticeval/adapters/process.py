@@ -27,8 +27,9 @@ import numpy as np
 
 from hapticeval.adapters.outside import Outside
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
+from hapticeval.geometry.pose import Pose
 from hapticeval.renderer import RANGE_WORDS, Declaration, Response, Spring
-from hapticeval.scene import Scene, requirements
+from hapticeval.scene import MOVING, Scene, requirements
 from hapticeval.types import Array
 from hapticeval.workers import describe_exit
 
@@ -392,6 +393,9 @@ class ProcessRenderer:
         self.__dict__.update(self._outside.lengths(**lengths))
         self.declares = _declaration(self._child, hello, answer)
         self.supports = hello.supports
+        self._pose: Pose | None = None
+        if MOVING in hello.supports:
+            self.place = self._place
 
     def _start(self) -> tuple[Child, dict[str, Any]]:
         """Start a process, give it the scene, and return it with its answer to that."""
@@ -403,6 +407,7 @@ class ProcessRenderer:
             START_PATIENCE,
             dimension=scene.model.dimension,
             bilateral=scene.bilateral,
+            **({} if scene.motion is None else {"moving": True}),
             vertices=facets.vertices.tolist(),
             cells=facets.cells.tolist(),
             **cast("dict[str, Any]", self._outside.numbers),
@@ -415,6 +420,10 @@ class ProcessRenderer:
             )
         return child, answer
 
+    def _place(self, rotation: Array, translation: Array) -> None:
+        """Keep the pose of the body for the next message: see `WrappedRenderer.place`. It has `place` if it says so."""
+        self._pose = Pose(rotation, translation)
+
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m, in another process where the last one was ended.
 
@@ -424,19 +433,30 @@ class ProcessRenderer:
         self.contact = None
         if self._child.has_failed:
             self._child, _ = self._start()
-        tool = self._outside.tool(hip, self._margin)
+        tool = self._outside.tool(hip, self._margin, self._pose)
         self._check_refusal(
-            self._child.ask("reset", self._factory.patience.seconds, hip=_plain(hip), tool=_plain(tool)), hip
+            self._child.ask(
+                "reset", self._factory.patience.seconds, hip=_plain(hip), tool=_plain(tool), **self._placed()
+            ),
+            hip,
         )
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         entries: dict[str, Any] = {"hip": _plain(hip), "velocity": _plain(np.asarray(velocity)), "dt": float(dt)}
+        entries |= self._placed()
         answer = self._child.ask("step", self._factory.patience.seconds, **entries)
         self._check_refusal(answer, hip)
         self.contact = bool(answer["contact"]) if "contact" in answer else None
         return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
+
+    def _placed(self) -> dict[str, Any]:
+        """Return the entry of a message that has the pose of the body; none of a body at rest."""
+        if self._pose is None:
+            return {}
+        rotation, translation = self._pose
+        return {"place": {"rotation": rotation.tolist(), "translation": translation.tolist()}}
 
     def _check_refusal(self, answer: Mapping[str, Any], hip: Array) -> None:
         """Raise `DomainError` where an answer refuses the `hip` (N,), m."""

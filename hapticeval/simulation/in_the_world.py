@@ -36,7 +36,7 @@ def in_the_world(renderer: WrappedRenderer, scene: Scene) -> WrappedRenderer:
         raise RendererError(
             "the renderer declares support for 'moving' and has no place",
             why="place(rotation, translation) tells it where the body is",
-            todo="add place, or wrap the renderer: hapticeval.AtRest(renderer)",
+            todo="add place, in C hr_place; or wrap the renderer: hapticeval.AtRest(renderer)",
         )
     # a compiled step knows of no pose
     return replace(renderer, renderer=InTheWorld(renderer, scene.motion), law=None)

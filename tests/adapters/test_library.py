@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import answers_along, play
+from hapticeval.stimulus.motions import Slide, Spin
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.stimulus.stimulus import Path as HandPath
 from hapticeval.study.bench.measure import Track, step_times
@@ -291,6 +293,70 @@ def test_a_file_may_not_name_one(refused: Refusals, name: str, tmp_path: Path) -
     suite.write_text(f'title = "a"\nrenderers = ["{name}"]\n' + case + way)
     with refused(InputError):
         hapticeval.run(suites=str(suite))
+
+
+PLACED = """
+static double pose[6];
+int32_t hr_place(void *self, const double *given) { (void)self; memcpy(pose, given, sizeof pose); return PLACES; }
+"""
+
+
+@pytest.fixture
+def placed(compiler: str, tmp_path: Path) -> Callable[[int], Path]:
+    """Build examples/c/penalty.c with a pose: it takes the hand into the body's frame, and its answer back."""
+
+    def built(status: int = 0) -> Path:
+        source = (Path(hapticeval.__file__).parents[1] / "examples" / "c" / "penalty.c").read_text()
+        source = source.replace("HR_PLANE | HR_SPACE | HR_SPRING", "HR_PLANE | HR_SPRING | HR_MOVING")
+        source = source.replace("int32_t hr_step(", "static int32_t step(").replace(
+            "void hr_destroy",
+            PLACED.replace("PLACES", str(status))
+            + """
+int32_t hr_step(void *self, const double *hip, const double *velocity, double dt, double *ihip, double *force) {
+  double at[2], foot[2], push[2];
+  for (int i = 0; i < 2; i++) at[i] = pose[i] * (hip[0] - pose[4]) + pose[2 + i] * (hip[1] - pose[5]);
+  int32_t answer = step(self, at, velocity, dt, foot, push);
+  for (int i = 0; i < 2; i++) {
+    ihip[i] = pose[2 * i] * foot[0] + pose[2 * i + 1] * foot[1] + pose[4 + i];
+    force[i] = pose[2 * i] * push[0] + pose[2 * i + 1] * push[1];
+  }
+  return answer;
+}
+void hr_destroy""",
+        )
+        (tmp_path / f"placed{status}.c").write_text(source)
+        file = tmp_path / f"libplaced{status}.so"
+        command = [compiler, "-shared", "-fPIC", f"-I{HEADER.parent}", "-o", str(file), f"placed{status}.c", "-lm"]
+        subprocess.run(command, cwd=tmp_path, check=True)
+        return file
+
+    return built
+
+
+MOVING = Scene(model=make_model("circle"), motion=Spin(rate=1.0, centre=(0.05, 0.02)))
+ACROSS = HandPath(np.array([0.0, 0.2]), np.array([[0.11, 0.0], [0.09, 0.02]]))
+
+
+def test_a_library_that_is_placed_answers_on_a_moving_body_as_at_rest(placed: Callable[..., Path]) -> None:
+    factory, resting = resolve(f"lib:{placed()}"), replace(MOVING, motion=Slide(velocity=(0.0, 0.0)))
+    moving, still = (play(make_renderer(factory, scene), ACROSS, DT, scene=scene) for scene in (MOVING, resting))
+    assert np.any(still.force)
+    assert moving.ihip == pytest.approx(still.ihip, abs=1e-9)
+    assert moving.force == pytest.approx(still.force, abs=1e-6)
+    nearest = play(make_renderer(resolve("minimum-distance"), replace(MOVING, motion=None)), ACROSS, DT)
+    assert still.force == pytest.approx(nearest.force, abs=1e3 * 1.5e-4)  # of facets within 1e-4 of the size
+
+
+def test_a_library_that_breaks_where_it_is_placed_is_blamed(placed: Callable[..., Path], refused: Refusals) -> None:
+    with refused(RendererError):
+        play(make_renderer(resolve(f"lib:{placed(-3)}"), MOVING), ACROSS, DT, scene=MOVING)
+
+
+def test_a_library_that_knows_of_no_pose_is_refused(build: Callable[..., Path], refused: Refusals) -> None:
+    with refused(RefusalError):
+        make_renderer(resolve(f"lib:{build()}"), MOVING)
+    with refused(RendererError):
+        make_renderer(resolve(f"lib:{build(FLAGS='(HR_PLANE | HR_MOVING)')}"), MOVING)
 
 
 @pytest.mark.parametrize("name", ["lib:./a+b@c.so", "cmd:mine --to a@b +x"])

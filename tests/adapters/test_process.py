@@ -24,6 +24,7 @@ from hapticeval.renderer import Spring, wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
+from hapticeval.stimulus.motions import Spin
 from hapticeval.stimulus.stimulus import Path as Way
 
 PROCESS = Path(__file__).parents[2] / "examples" / "process"
@@ -156,6 +157,25 @@ def test_whole_lines_of_a_thousand_bytes_of_stderr_are_shown(command: Callable[.
         renderer.step(np.zeros(2), np.zeros(2), DT)
     assert "Error: the valve\nxxx" in raised.value.why
     assert raised.value.why.startswith("its stderr ends: before\n")
+
+
+def test_a_process_is_given_the_pose_of_a_body_that_moves(command: Callable[..., str]) -> None:
+    scene = Scene(model=make_model("circle"), motion=Spin(rate=0.25, centre=(1.0, 0.0)))
+    name = command(
+        hello="say(id=id, version=1, supports=['plane', 'moving'])",
+        step="say(id=id, ihip=m['place']['translation'], force=m['place']['rotation'][1])",
+    )
+    renderer = make_renderer(resolve(name), scene)
+    hip = np.array([0.3, 0.0])
+    renderer.reset(hip)
+    for tick in range(3):
+        pose = scene.motion.pose(tick * DT)
+        ihip, force = renderer.step(hip, np.zeros(2), DT)
+        assert pose.to_world(ihip) == pytest.approx(pose.translation, abs=1e-12)
+        assert pose.turned(force) == pytest.approx(pose.rotation[1], abs=1e-12)
+    unplaced = make_renderer(resolve(name), Scene(model=make_model("circle")))
+    with pytest.raises(RendererError, match="place"):
+        unplaced.step(hip, np.zeros(2), DT)
 
 
 @pytest.mark.parametrize("number", ["float('nan')", "None"])
