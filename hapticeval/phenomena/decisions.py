@@ -554,6 +554,12 @@ STALE_TICKS = 1.5
 """Ticks for which a force stands at the most while another is called for: one, and half of one, to which a median of
 whole ticks is known. Derived; doubled, a loop at half of the rate passes."""
 
+# stiffness
+
+FEWEST_FORCES = 4
+"""Different forces without which none contradicts that it is a multiple of a quantum. *Chosen*, as few as show a
+lattice: doubled, a declared resolution is believed of touches with four to seven different forces."""
+
 # same_hip: force_magnitude
 
 TWO_FORCES_ROWS = 2 * LAG_TICKS + 1

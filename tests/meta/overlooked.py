@@ -89,6 +89,50 @@ def wears_off(tick: Tick) -> Answer:
     return tick.ihip, max(1.75 - tick.time, 0.57) * tick.force
 
 
+def drags(tick: Tick) -> Answer:
+    """A twentieth of the force along the surface, against the motion."""
+    speed = float(np.linalg.norm(tick.velocity))
+    if not tick.force.any() or speed == 0.0:
+        return tick.ihip, tick.force
+    return tick.ihip, tick.force - 0.049 * np.linalg.norm(tick.force) * tick.velocity / speed
+
+
+def buzzes(tick: Tick) -> Answer:
+    """A twentieth of the force to and fro across it, at a quarter of the sampling rate."""
+    if not tick.force.any():
+        return tick.ihip, tick.force
+    across = np.cross(tick.force, [0.0, 0.0, 1.0]) if tick.hip.size == 3 else np.array([-tick.force[1], tick.force[0]])
+    return tick.ihip, tick.force + 0.049 * np.sin(0.5 * np.pi * tick.number + 0.3) * across
+
+
+def reversed_far_away(tick: Tick) -> Answer:
+    """The force is reversed more than 100 m from the origin."""
+    return tick.ihip, -tick.force if np.linalg.norm(tick.hip) > 100.0 else tick.force
+
+
+def strong_on_large_models(tick: Tick) -> Answer:
+    """The force is ten times too large on models of over half a metre."""
+    return tick.ihip, 10.0 * tick.force if tick.scene.model.size > 0.5 else tick.force
+
+
+def of_one_rate(tick: Tick) -> Answer:
+    """The force is right at 1 kHz alone: it is multiplied by dt / 1 ms."""
+    return tick.ihip, tick.force * (tick.dt / 1e-3)
+
+
+def weak_when_fast(tick: Tick) -> Answer:
+    """Below 0.4 ms a tick there is a tenth of the force."""
+    return tick.ihip, 0.1 * tick.force if tick.dt < 4e-4 else tick.force
+
+
+def turned_when_slow(tick: Tick) -> Answer:
+    """From 2 ms a tick on the force is turned by 30 degrees."""
+    if tick.dt < 2e-3 or tick.hip.size != 2:
+        return tick.ihip, tick.force
+    turn = np.array([[np.sqrt(0.75), -0.5], [0.5, np.sqrt(0.75)]])
+    return tick.ihip, turn @ tick.force
+
+
 class Lost(Spoiled):
     """1 kN on a hand that is not a number."""
 
@@ -140,6 +184,37 @@ OVERLOOKED: Mapping[str, Overlooked] = {
     ),
     "by-turns": Overlooked(promising(by_turns, **VARIES), PRESSES, "force-magnitude", "one HIP has two forces"),
     "wears-off": Overlooked(promising(wears_off, **VARIES), ("solids/pebble",), "force-magnitude", "one HIP has two"),
+    **{
+        f"{name}-{declared:g}-N": Overlooked(
+            promising(fault, spring=Spring.ERROR, force_resolution=declared),
+            ("unilateral-surfaces/torus-slide", "solids/cube-edge"),
+            "contact-normal-force",
+            " N .*off every true normal",
+        )
+        for name, fault in {"drags": drags, "buzzes": buzzes}.items()
+        for declared in (0.2, 1e3)
+    },
+    "reversed-far-away": Overlooked(
+        spoiled(reversed_far_away),
+        tuple(f"hard-cases-places/slide-{place}" for place in ("1e3-m-away", "1e6-m-away", "1e9-m-away", "star-1e3-m")),
+        "contact-normal-force",
+        "the force is reversed",
+    ),
+    "strong-on-large-models": Overlooked(
+        spoiled(strong_on_large_models), ("hard-cases-places/slide-star-1e3-m",), "force-magnitude", "10 times"
+    ),
+    "of-one-rate": Overlooked(
+        spoiled(of_one_rate),
+        ("hard-cases-places/sampled-10-us", "hard-cases-places/sampled-10-ms"),
+        "force-magnitude",
+        "times",
+    ),
+    "weak-when-fast": Overlooked(
+        spoiled(weak_when_fast), ("hard-cases-places/sampled-10-us",), "force-magnitude", "0.1 times"
+    ),
+    "turned-when-slow": Overlooked(
+        spoiled(turned_when_slow), ("hard-cases-places/sampled-10-ms",), "contact-normal-force", "turned by 30 degrees"
+    ),
     "lost": Overlooked(lost, PRESSES, "drop-out", "gets 1.73e"),
 }
 """Name: where and by what it is stopped."""

@@ -315,7 +315,7 @@ def _rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array:
     )
     # Aside by a declared quantum, or by half a step of a log in every component.
     sizes = np.linalg.norm(recording.force[pressed_rows], axis=1)
-    return np.asarray(angle + np.arcsin(np.minimum(force_coarseness(recording, sizes) / sizes, 1.0)))
+    return np.asarray(angle + np.arcsin(np.minimum(force_coarseness(recording) / sizes, 1.0)))
 
 
 def _corner_rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array:

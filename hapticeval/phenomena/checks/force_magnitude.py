@@ -106,7 +106,7 @@ def _without_ihip(base: Observed) -> Finding:
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
     speed = np.linalg.norm(base.velocity[ticks], axis=1)
     with np.errstate(divide="ignore"):
-        other_depth = (scene.damping * speed + force_coarseness(base, size)) / scene.stiffness
+        other_depth = (scene.damping * speed + force_coarseness(base)) / scene.stiffness
         allowed = (other_depth + base.rounding + 0.5 * base.log_step("hip") + base.standoff) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]

@@ -6,6 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import FEWEST_CHANGING_TICKS, STALE_TICKS
+from hapticeval.phenomena.measures.stiffness import force_coarseness
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
 from hapticeval.quantity import format_number
@@ -26,7 +27,7 @@ def calls_for_another_force(recording: Observed) -> BoolArray:
     springs = [recording.nearest.foot - recording.hip]
     if "ihip" in recording.channels and recording.apart.any():
         springs.append(recording.ihip - recording.hip)
-    coarse = float(recording.meta.get("force_resolution", 0.0)) + recording.log_step("force")
+    coarse = force_coarseness(recording) + 0.5 * recording.log_step("force")
     told_apart = recording.rounding + coarse / scene.stiffness
     calls = np.zeros(len(recording), dtype=bool)
     calls[1:] = contact[1:] & contact[:-1]

@@ -42,7 +42,8 @@ def answers_apart(base: Observed, other: Observed, *, forces: bool = True) -> Ar
     if forces:
         # A force F held for dt moves a mass m by F dt^2 / m: as a length it is F / (m / dt^2).
         event_stiffness = scene.mass / base.dt**2 if base.own_tool else 0.0
-        coarse = sum(force_coarseness(run, run.force_size) for run in (base, other))
+        # Forces that were turned back lie on no lattice any more.
+        coarse = 2.0 * max(force_coarseness(run) for run in (base, other))
         apart = np.maximum(np.linalg.norm(base.force - other.force, axis=1) - coarse, 0.0)
         distance = np.maximum(distance, apart / max(scene.stiffness, event_stiffness))
     return np.asarray(distance)

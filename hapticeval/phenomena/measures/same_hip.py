@@ -117,7 +117,7 @@ def _worst_with_lag(base: Observed, pairs: _Pairs, lag: float) -> TwoForces | No
         step = LAG_TICKS / pairs.lag_steps * largest_in_lag(steps_to(run.hip))
         allowed += (run.scene.stiffness * _stiffest(run) * (step + run.rounding) + largest_other_force(run))[ticks]
         allowed += beside_straight(run.force)[ticks] if lag != late else 0.0
-        allowed += force_coarseness(run, run.force_size)
+        allowed += force_coarseness(run)
     off = np.zeros(len(base))
     off[rows] = difference > allowed
     # So many of twice as many rows, one after the other.

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import LAG_TICKS, TELLING_SHARE, WHOLE_LAG
-from hapticeval.phenomena.lag import beside_straight, delayed
+from hapticeval.phenomena.decisions import FEWEST_FORCES, LAG_TICKS, TELLING_SHARE, WHOLE_LAG
+from hapticeval.phenomena.lag import beside_straight, delayed, largest_in_lag
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import unit_vectors
+from hapticeval.phenomena.sampling import lengths_of, unit_vectors
+from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Spring
 from hapticeval.types import Array, BoolArray, IntArray
@@ -114,7 +115,7 @@ def measure_stiffness(base: Observed, pressed: PressedTicks, spring: Spring | No
     depth[begins] = reach[begins]
     # K_eff / K = |F| / (K e): as large as the largest depth within a lag makes it.
     explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
-    other_force = _undamped_other_force(base, unknown, size, depth)
+    other_force = _undamped_other_force(base, unknown, depth)
     # What is open is a share of the depth that the force answers: of a little one more than of that in the same tick.
     with np.errstate(divide="ignore", invalid="ignore"):
         more_open = other_force / scene.stiffness * np.maximum(1.0 / distances - 1.0 / depth, 0.0)
@@ -176,24 +177,47 @@ def _errors_within_lag(base: Observed, ticks: IntArray) -> list[Array]:
     return errors
 
 
-def _undamped_other_force(base: Observed, unknown: Array, sizes: Array, depths: Array) -> Array:
+def _undamped_other_force(base: Observed, unknown: Array, depths: Array) -> Array:
     """Return how much of the force of n ticks is open beside spring and damper, (n,), N: G of the bound.
 
-    `unknown` (n,), N, is that of `PressedTicks`; `sizes` (n,), N, and `depths` (n,), m, are those of force and depth.
-    The rest is coarse or rounded numbers.
+    `unknown` (n,), N, is that of `PressedTicks`; `depths` are (n,), m. The rest is coarse or rounded numbers.
     """
     # What rounding leaves open of the difference of HIP and IHIP, m; a log gives both to half a step.
     position_rounding = base.rounding_floor(depths, 1.0) + 0.5 * base.log_step("hip", "ihip")
-    return np.asarray(unknown + force_coarseness(base, sizes) + base.scene.stiffness * position_rounding)
+    return np.asarray(unknown + force_coarseness(base) + base.scene.stiffness * position_rounding)
 
 
-def force_coarseness(base: Observed, sizes: Array) -> float:
-    """Return how coarse the force is, N: by half the step of a log, and by what is declared.
+def force_coarseness(base: Observed) -> float:
+    """Return how coarse the force is, N: by half the step of a log, and by the declared resolution.
 
-    That counts up to a twentieth of the largest of `sizes` (n,), N: of a coarser one nothing could be told even there.
+    That counts as far as the recorded forces look like one, and up to a twentieth of the largest: of a coarser one
+    nothing could be told even there.
     """
-    declared = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLING_SHARE * float(sizes.max()))
+    declared = float(base.meta.get("force_resolution", 0.0))
+    if declared > 0.0:
+        largest = 0.5 * TELLING_SHARE * float(base.force_size.max())
+        declared = min(declared, largest, _seen_resolution(base, min(declared, largest)))
     return declared + 0.5 * base.log_step("force")
+
+
+def _seen_resolution(base: Observed, most: float) -> float:
+    """Return the resolution that forces show, N: the coarsest of a quantum, a dead band, and a force that stands.
+
+    - A quantum: the forces' components, or their sizes, lie on a lattice. Too few numbers contradict none: `most`.
+    - A dead band: no force comes at all up to a depth, within three ticks.
+    - A force that stands until it would change by so much: the least of its changes, where it stands for a tick.
+    """
+    forces, columns = base.force[base.pressed], [*base.force[base.pressed].T, base.force_size[base.pressed]]
+    if max((np.unique(column).size for column in columns), default=0) < FEWEST_FORCES:
+        return most
+    *steps, of_size = (numeric_step(column) or 0.0 for column in columns)
+    quantum = max(float(np.linalg.norm(steps)), of_size)
+    depth = np.maximum(lengths_of(base.hip - base.ihip), np.maximum(-base.distance, 0.0))
+    silent = np.where(base.pressed, 0.0, depth).max(initial=0.0)
+    band = base.scene.stiffness * min(float(silent), float(largest_in_lag(depth)[base.pressed].min()))
+    changes = lengths_of(np.diff(base.force, axis=0))[base.pressed[1:] & base.pressed[:-1]]
+    stands = forces.size > 0 and bool(np.any(changes == 0.0)) and bool(np.any(changes > 0.0))
+    return max(quantum, band, float(changes[changes > 0.0].min()) if stands else 0.0)
 
 
 def _calls_for_force(base: Observed) -> BoolArray:
