@@ -101,7 +101,7 @@ def plot_document(
     """Return a figure for a paper of a JSON document; see `Results.plot` for labels and sizes.
 
     - results.json of a run: its grid of renderers by phenomena
-    - bench.json of `hapticeval bench`: error against time, with the Pareto front
+    - bench.json of `hapticeval bench`: error against time, a panel a renderer
     - limits-*.json of `hapticeval study limits`: the stiffness up to which a loop is stable
 
     `renderers` are those of the first two that are drawn, all if none are named; `labels` are for these two. Raises
@@ -109,7 +109,7 @@ def plot_document(
     it.
     """
     from hapticeval.files import parse_json
-    from hapticeval.reports.paper import paper_fronts
+    from hapticeval.reports.paper import paper_accuracy
     from hapticeval.reports.study_figures import paper_limits
     from hapticeval.study.bench.document import BENCH_FILE, read_bench
 
@@ -119,7 +119,7 @@ def plot_document(
         return Results.read(path.parent).plot_grid(renderers, labels=labels, **sizes)
     if path.name == BENCH_FILE:
         judged = read_results(path.parent).renderers if (path.parent / RESULTS_FILE).exists() else ()
-        return paper_fronts(read_bench(path.parent), renderers, judged=judged, labels=labels, **sizes)
+        return paper_accuracy(read_bench(path.parent), renderers, judged=judged, labels=labels, **sizes)
     document = parse_json(path, todo="run the command again that wrote it")
     try:
         return paper_limits(document, **sizes)

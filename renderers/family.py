@@ -61,7 +61,7 @@ FRONT_KNOB = Knob(
 FLOW_KNOBS = {
     "cells": Knob(
         values=(50, 100, 150, 200, 300),
-        quick=(50, 100),
+        quick=(50, 100, 200),
         finest=(300, 400),
         unit="",
         meaning="cells of the flow grid along the model's longer side",

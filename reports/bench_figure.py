@@ -1,4 +1,4 @@
-"""What a bench found: error against time, a chart a renderer for a page, and with the Pareto front for a paper."""
+"""What a bench found: error against time, a chart a renderer on axes that all share, for a page and for a paper."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hapticeval.reports.canvas import MM, Look
-from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule, charts_data
+from hapticeval.reports.chart import Axis, Chart, Curve, Note, Rule
 from hapticeval.study.bench.document import SettingEntry
 
 MICROSECONDS = 1e6
@@ -17,9 +17,6 @@ MULTIPLE_HEIGHT = 210
 
 TARGET_ERROR = 0.1
 """Error (mm) that a line is drawn at."""
-
-TIME_LIMITS = (1000.0, 10.0)
-"""Times (us) that lines are drawn at, where the plot reaches so far."""
 
 EXACT_ERROR = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
@@ -53,8 +50,8 @@ def cheapest_by_renderer(
     return {name: entry[3] for name, entry in sorted(best.items(), key=lambda pair: pair[1][:3])}
 
 
-def small_multiples(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> str:
-    """Return a chart for each renderer on one model, for a page: error against time on axes that all share.
+def small_multiples(settings: Sequence[SettingEntry], looks: Mapping[str, Look]) -> list[Chart]:
+    """Return a chart for each renderer on one model: error against time on axes that all share.
 
     A line is a representation, with its name at its end and the knob's values at its ends.
     """
@@ -80,7 +77,7 @@ def small_multiples(settings: Sequence[SettingEntry], looks: Mapping[str, Look])
         charts.append(
             Chart(title=name, x=across, y=up, curves=curves, rules=rules, notes=notes, height=MULTIPLE_HEIGHT)
         )
-    return charts_data(charts)
+    return charts
 
 
 def plotted_settings(settings: Sequence[SettingEntry]) -> PlottedSettings:
@@ -93,59 +90,5 @@ def plotted_settings(settings: Sequence[SettingEntry]) -> PlottedSettings:
     ]
 
 
-def pareto_front(plotted: PlottedSettings) -> PlottedSettings:
-    """Return each setting that is more accurate than all quicker ones, by time."""
-    front: PlottedSettings = []
-    for setting, (time, error) in sorted(plotted, key=lambda entry: entry[1]):
-        if not front or error < front[-1][1][1]:
-            front.append((setting, (time, error)))
-    return front
-
-
-def front_chart(plotted: PlottedSettings, looks: Mapping[str, Look], title: str) -> Chart:
-    """Return IHIP error against time of the settings of one model: a curve for each renderer, and the Pareto front."""
-    curves = []
-    label = "Pareto front"
-    # A front a reference: errors that count from different ones cannot be compared.
-    for reference in dict.fromkeys(setting.reference for setting, _ in plotted):
-        front = pareto_front([entry for entry in plotted if entry[0].reference == reference])
-        curves.append(_curve(front, role="ink", width=1.8, steps=True, label=label))
-        # The legend shows one of them.
-        label = ""
-    for name in dict.fromkeys(setting.renderer for setting, _ in plotted):
-        of_renderer = [entry for entry in plotted if entry[0].renderer == name]
-        curves.append(_curve(of_renderer, role=looks[name].role, width=1.0, faint=True))
-        # Filled where the error is proven, hollow where it is an upper bound only.
-        for proven in (True, False):
-            points = [entry for entry in of_renderer if bool(entry[0].proven) is proven]
-            if points:
-                style: dict[str, Any] = {
-                    "role": looks[name].role,
-                    "marker": looks[name].marker,
-                    "size": 9.0 if _is_foreign(name) else 6.0,
-                }
-                is_first = not any(curve.label == name for curve in curves)
-                curves.append(_curve(points, **style, hollow=not proven, line=False, label=name if is_first else ""))
-    times, errors = zip(*(place for _, place in plotted), strict=True)
-    # us: the 10 us line is always in view.
-    view = min(*times, 8.0) / 1.35, max(*times, 12.0) * 1.6
-    rules = [Rule(y=TARGET_ERROR, role="mark")]
-    rules += [Rule(x=limit, role="quiet", dash=(4, 2)) for limit in TIME_LIMITS if view[0] < limit < view[1]]
-    if min(errors) <= EXACT_ERROR:
-        rules.append(Rule(y=EXACT_ERROR, role="grid", width=5.0))
-    return Chart(
-        title=f"IHIP error against time a step: {title}",
-        x=Axis(label="time a step, median (µs)", log=True, range=view),
-        y=Axis(label="largest IHIP error (mm)", log=True, range=(min(errors) / 2.0, max(*errors, 0.2) * 3.0)),
-        curves=curves,
-        rules=rules,
-    )
-
-
 def _curve(plotted: PlottedSettings, **style: Any) -> Curve:
     return Curve(x=[time for _, (time, _) in plotted], y=[error for _, (_, error) in plotted], **style)
-
-
-def _is_foreign(name: str) -> bool:
-    """Return whether a renderer is none of those that come with hapticeval: it stands out."""
-    return ":" in name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hapticeval.quantity import format_duration, format_length, plural
 from hapticeval.reports.bench_figure import MICROSECONDS, TARGET_ERROR, TICK_RULE, cheapest_by_renderer
@@ -58,50 +58,33 @@ def accuracy_card(bench: BenchResults) -> Card | None:
     if times:
         share = 100.0 * max(times) / TICK
         within += f", in {format_duration(min(times))} to {format_duration(max(times))} a step: {share:.2g} % of a tick"
-    chart = Chart(
-        title=f"time a step of each renderer's cheapest setting within {TARGET_ERROR} mm, on the {model}",
-        x=Axis(label=f"time a step (µs); hollow: not within {TARGET_ERROR} mm", log=True, range=(1.0, 2000.0)),
-        y=Axis(label="", names=list(best)),
-        curves=curves,
-        rules=[TICK_RULE],
-        notes=notes,
-        height=CARD_FRAME + CARD_ROW * len(best),
-    )
-    sentence = ". ".join([within, *outside]) + "."
-    return Card("costs", "What accuracy costs in time", sentence, charts_data([chart]))
+    title = f"time a step of each renderer's cheapest setting within {TARGET_ERROR} mm, on the {model}"
+    across = Axis(label=f"time a step (µs); hollow: not within {TARGET_ERROR} mm", log=True, range=(1.0, 2000.0))
+    data = _rows_data(title, across, list(best), curves, rules=[TICK_RULE], notes=notes)
+    return Card("costs", "What accuracy costs in time", ". ".join([within, *outside]) + ".", data)
 
 
 def hard_card(families: Sequence[DigitFamily]) -> Card | None:
     """Return the card of hard cases: the fewest digits that are kept in each family of them, the worst first."""
     if not families:
         return None
+    rows = list(enumerate(families))
+    dots = [(family.digits, "hip" if family.digits >= ASKED_DIGITS else "ihip", False, row) for row, family in rows]
+    coarse = [(family.coarse_digits, "quiet", True, row) for row, family in rows if family.coarse_digits is not None]
     curves = [
-        Curve(
-            x=[family.digits], y=[row], line=False, role="hip" if family.digits >= ASKED_DIGITS else "ihip", marker="o",
-            size=8.0,
-        )
-        for row, family in enumerate(families)
-    ]  # fmt: skip
-    coarse = [(row, family) for row, family in enumerate(families) if family.coarse_digits is not None]
-    curves += [
-        Curve(
-            x=[float(family.coarse_digits or 0)], y=[row], line=False, role="quiet", marker="o", size=8.0, hollow=True
-        )
-        for row, family in coarse
+        Curve(x=[digits], y=[row], line=False, role=role, marker="o", size=8.0, hollow=hollow)
+        for digits, role, hollow, row in (*dots, *coarse)
     ]
     worst = families[0]
     sentence = f"At least {worst.digits:.0f} of {DOUBLE_DIGITS} digits are kept, fewest {worst.title}: {worst.case}."
     if coarse:
         sentence += " What declares a coarse model of its own (hollow) keeps as few as that gives."
-    chart = Chart(
-        title="fewest decimal digits that answers keep, by family of hard cases",
-        x=Axis(label=f"digits kept; {ASKED_DIGITS} are asked for", range=(-0.5, DOUBLE_DIGITS + 0.5)),
-        y=Axis(label="", names=[family.title for family in families]),
-        curves=curves,
-        rules=[Rule(x=ASKED_DIGITS, role="mark", dash=(4, 2))],
-        height=CARD_FRAME + CARD_ROW * len(families),
-    )
-    return Card("hard-cases", "Hard cases", sentence, charts_data([chart]))
+    data = _rows_data(
+        "fewest decimal digits that answers keep, by family of hard cases",
+        Axis(label=f"digits kept; {ASKED_DIGITS} are asked for", range=(-0.5, DOUBLE_DIGITS + 0.5)),
+        [family.title for family in families], curves, rules=[Rule(x=ASKED_DIGITS, role="mark", dash=(4, 2))],
+    )  # fmt: skip
+    return Card("hard-cases", "Hard cases", sentence, data)
 
 
 def cases_by_effect(results: ResultsDocument) -> dict[str, list[tuple[str, str]]]:
@@ -122,18 +105,21 @@ def effects_card(cases: Mapping[str, Sequence[tuple[str, str]]], bench: BenchRes
     rest, count = len(called) - len(rows) + 1, len({case for keys in cases.values() for case in keys})
     sentence = f"{rows['none']} of {plural(count, 'case')} call for no effect{_uncalled_words(bench)}"
     sentence += f" {rest} more kinds are called for." if rest else ""
-    chart = Chart(
-        title="cases that call for each effect",
-        x=Axis(label="cases that call for it", log=True, range=(0.8, 1.6 * max(rows.values()))),
-        y=Axis(label="", names=list(rows)),
-        curves=[
-            Curve(x=[0.8, count], y=[row, row], role="hip" if row else "quiet", width=9.0)
-            for row, count in enumerate(rows.values())
-        ],
-        notes=[Note(count, row, str(count)) for row, count in enumerate(rows.values())],
-        height=CARD_FRAME + CARD_ROW * len(rows),
+    bars = [
+        Curve(x=[0.8, number], y=[row, row], role="hip" if row else "quiet", width=9.0)
+        for row, number in enumerate(rows.values())
+    ]
+    across = Axis(label="cases that call for it", log=True, range=(0.8, 1.6 * max(rows.values())))
+    notes = [Note(number, row, str(number)) for row, number in enumerate(rows.values())]
+    return Card("effects", "Effects", sentence, _rows_data("cases by effect", across, list(rows), bars, notes=notes))
+
+
+def _rows_data(title: str, across: Axis, names: Sequence[str], curves: Sequence[Curve], **marks: Any) -> str:
+    """Return the data of a chart with a row for each name, as high as it needs."""
+    height = CARD_FRAME + CARD_ROW * len(names)
+    return charts_data(
+        [Chart(title=title, x=across, y=Axis(label="", names=names), curves=curves, height=height, **marks)]
     )
-    return Card("effects", "Effects", sentence, charts_data([chart]))
 
 
 def _uncalled_words(bench: BenchResults | None) -> str:

@@ -22,6 +22,7 @@ from hapticeval.reports.bench_figure import cheapest_by_renderer, plotted_settin
 from hapticeval.reports.canvas import Look, looks_of, svg_element
 from hapticeval.reports.cards import Card, accuracy_card, cases_by_effect, effects_card, hard_card
 from hapticeval.reports.case_page import asset
+from hapticeval.reports.chart import charts_data
 from hapticeval.reports.effects_figure import EffectPlot
 from hapticeval.reports.grid import Grid, HardCase, Tile, case_grid, digit_families, hard_cases, worst_verdicts
 from hapticeval.reports.table import Summary, summaries
@@ -329,7 +330,7 @@ class ReportView:
                 model,
                 cheapest_by_renderer(settings, group=str),
                 {setting.label for setting in cheapest_by_renderer(settings).values()},
-                small_multiples(settings, self.looks),
+                charts_data(small_multiples(settings, self.looks)),
             )
             for model, settings in self.bench.by_model().items()
             if plotted_settings(settings)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.quantity import parse_paper_length
-from hapticeval.reports.bench_figure import PlottedSettings, front_chart, plotted_settings
+from hapticeval.reports.bench_figure import base_of, plotted_settings, small_multiples
 from hapticeval.reports.canvas import FONT_SIZES, MM, Look, colour_of, in_style, looks_of
 from hapticeval.reports.chart import draw_chart
 from hapticeval.reports.grid import Grid, Tile
@@ -105,16 +104,14 @@ SHADES = {
 """Grey behind a cell, 1 is white: darker is worse, and it prints without colour. What passes has none."""
 
 
+PANELS_ACROSS = 2
+"""Panels of a bench beside each other, at most."""
+
 ROW = 0.005
 """Height of a row of the grid, m."""
 
 
-def _base_of(name: str) -> str:
-    """Return the renderer's name without its representation: a bench has it on every one."""
-    return name.partition("@")[0]
-
-
-def paper_fronts(
+def paper_accuracy(
     bench: BenchResults,
     renderers: Sequence[str] = (),
     *,
@@ -124,7 +121,7 @@ def paper_fronts(
     height: str | None = None,
     font_size: float | None = None,
 ) -> PaperFigure:
-    """Draw IHIP error (mm) against the time of a step (us) for each model, with the Pareto front.
+    """Draw IHIP error (mm) against the time of a step (us), a panel a renderer and model, on axes that all share.
 
     A filled mark's error is proven, a hollow one's is an upper bound. `renderers`: those to draw, all if none are
     named. Looks are those of a report in which the `judged` renderers come first. Raises `InputError` for a bench
@@ -132,40 +129,46 @@ def paper_fronts(
     """
     names = list(dict.fromkeys(setting.renderer for setting in bench.settings if not setting.problem))
     for name in renderers:
-        if name not in {*names, *map(_base_of, names)}:
+        if name not in {*names, *map(base_of, names)}:
             raise UnknownNameError("renderer of the bench", name, names)
-    chosen = [name for name in names if not renderers or name in renderers or _base_of(name) in renderers]
-    plots = {
-        model: plotted
-        for model, settings in bench.by_model().items()
-        if (plotted := plotted_settings([setting for setting in settings if setting.renderer in chosen]))
-    }
-    if not plots:
-        raise InputError("the bench has nothing to draw", why="no setting has a time and an error")
+    chosen = [name for name in names if not renderers or name in renderers or base_of(name) in renderers]
     all_looks = looks_of([*judged, *(setting.renderer for setting in bench.settings)])
     looks = {name: all_looks[name] for name in chosen}
     texts = labels_of(chosen, labels)
-    with paper_page(width, height, font_size, natural=lambda across: 0.75 * across * len(plots)) as fig:
-        all_axes = fig.subplots(len(plots), 1, squeeze=False)[:, 0]
-        for axes, (model, plotted) in zip(all_axes, plots.items(), strict=True):
-            draw_chart(axes, front_chart(plotted, looks, model), legend=False)
-            axes.set_title(model, loc="left")
-            axes.set_xlabel(axes.get_xlabel() if axes is all_axes[-1] else "")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
-            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    charts = [
+        (model, chart)
+        for model, settings in bench.by_model().items()
+        if plotted_settings(drawn := [setting for setting in settings if setting.renderer in chosen])
+        for chart in small_multiples(drawn, looks)
+    ]
+    if not charts:
+        raise InputError("the bench has nothing to draw", why="no setting has a time and an error")
+    columns = min(len(charts), PANELS_ACROSS)
+    rows = -(-len(charts) // columns)
+    with paper_page(width, height, font_size, natural=lambda across: 0.8 * across * rows / columns) as fig:
+        panels = list(fig.subplots(rows, columns, squeeze=False).flat)
+        for axes in panels[len(charts) :]:
+            axes.set_axis_off()
+        for axes, (model, chart) in zip(panels, charts, strict=False):
+            draw_chart(axes, chart, legend=False)
+            axes.set_title(f"{chart.title}, {model}", loc="left")
+            # The axes are alike: their words stand at the edges alone.
+            spec = axes.get_subplotspec()
+            axes.set_ylabel(axes.get_ylabel() if spec.is_first_col() else "")
+            axes.set_xlabel(axes.get_xlabel() if spec.is_last_row() else "")
             axes.minorticks_off()
-        add_legend(fig, _front_handles(plots.values(), looks, texts), grows=height is None)
+        proven = all(setting.proven for setting in bench.settings if setting.renderer in chosen and setting.claims)
+        add_legend(fig, _looks_handles(looks, texts, proven=proven), grows=height is None)
         return fig
 
 
-def _front_handles(plots: Iterable[PlottedSettings], looks: Mapping[str, Look], texts: Mapping[str, str]) -> list[Any]:
+def _looks_handles(looks: Mapping[str, Look], texts: Mapping[str, str], *, proven: bool) -> list[Any]:
     """Return the key of every mark that is drawn: a renderer by its name among `texts`."""
     handles = [
         Line2D([], [], color=colour_of(look.role), marker=look.marker, markersize=4.5, linewidth=0.7, label=texts[name])
         for name, look in looks.items()
     ]
-    handles.append(Line2D([], [], color=colour_of("ink"), linewidth=1.2, label="Pareto front"))
-    if any(not setting.proven for plotted in plots for setting, _ in plotted):
+    if not proven:
         quiet: dict[str, Any] = {"color": colour_of("quiet"), "marker": "o", "markersize": 4.5, "linestyle": "none"}
         handles.append(Line2D([], [], markerfacecolor="white", label="hollow: an upper bound", **quiet))
     return handles

@@ -6,7 +6,7 @@ from reports_synthetic import synthetic_results
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.reports.grid import Grid, phenomenon_grid
-from hapticeval.reports.paper import paper_fronts, paper_grid
+from hapticeval.reports.paper import paper_accuracy, paper_grid
 from hapticeval.study.bench.document import BenchResults, SettingEntry, Times
 
 
@@ -32,36 +32,36 @@ def key_of(fig):
     return [text.get_text() for text in fig.legends[0].get_texts()]
 
 
-def test_a_front_names_every_renderer_and_what_hollow_means(tmp_path):
-    fig = paper_fronts(bench(setting("a@curve"), setting("b", 3e-6, 1e-6, proven=False)), width="88mm")
-    assert key_of(fig) == ["a@curve", "b", "Pareto front", "hollow: an upper bound"]
-    fig.savefig(tmp_path / "front.pdf")
-    assert b"/Type3" not in (tmp_path / "front.pdf").read_bytes()
-    assert "hollow: an upper bound" not in key_of(paper_fronts(bench(setting("a@curve"))))
+def test_a_bench_names_every_renderer_and_what_hollow_means(tmp_path):
+    fig = paper_accuracy(bench(setting("a@curve"), setting("b", 3e-6, 1e-6, proven=False)), width="88mm")
+    assert key_of(fig) == ["a@curve", "b", "hollow: an upper bound"]
+    fig.savefig(tmp_path / "bench.pdf")
+    assert b"/Type3" not in (tmp_path / "bench.pdf").read_bytes()
+    assert "hollow: an upper bound" not in key_of(paper_accuracy(bench(setting("a@curve"))))
 
 
-def test_the_front_is_of_what_is_drawn():
-    """The quickest and the most accurate are on it; one that is beaten in both is not."""
-    given = bench(setting("a", 1e-6, 3e-5), setting("b", 2e-6, 4e-5), setting("c", 3e-6, 1e-5))
-    for names, times in (((), [1.0, 3.0]), (("b", "c"), [2.0, 3.0])):
-        front = paper_fronts(given, names).axes[0].lines[0]
-        assert list(front.get_xdata()) == pytest.approx(times)
-
-
-def test_each_reference_has_a_front_of_its_own():
-    fig = paper_fronts(bench(setting("a", 1e-6, 1e-5, reference="a"), setting("b", 2e-6, 2e-5, reference="b")))
-    assert [list(line.get_xdata()) for line in fig.axes[0].lines[:2]] == [pytest.approx([1.0]), pytest.approx([2.0])]
+def test_a_renderer_has_a_panel_with_a_line_a_representation_on_axes_that_all_share():
+    given = bench(setting("a@x", 1e-6), setting("a@y", 2e-6), setting("b", 3e-6), setting("c", 4e-6, 1e-4))
+    panels = paper_accuracy(given).axes
+    assert [axes.get_title(loc="left") for axes in panels[:3]] == ["a, circle", "b, circle", "c, circle"]
+    drawn = [
+        [float(line.get_xdata()[0]) for line in axes.lines if line.get_marker() not in ("", "None")]
+        for axes in panels[:3]
+    ]
+    assert drawn == [pytest.approx([1.0, 2.0]), pytest.approx([3.0]), pytest.approx([4.0])]
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in panels[:3]}) == 1
+    assert not panels[3].axison, "three panels of four"
 
 
 def test_a_renderer_is_named_with_or_without_its_representation(refused):
     given = bench(setting("a@curve"), setting("a@lut"), setting("b"))
-    assert key_of(paper_fronts(given, ["a"]))[:2] == ["a@curve", "a@lut"]
-    assert key_of(paper_fronts(given, ["a@lut"]))[:2] == ["a@lut", "Pareto front"]
-    assert key_of(paper_fronts(given, ["a@lut"], labels={"a@lut": "table"}))[:2] == ["table", "Pareto front"]
+    assert key_of(paper_accuracy(given, ["a"]))[:2] == ["a@curve", "a@lut"]
+    assert key_of(paper_accuracy(given, ["a@lut"]))[:2] == ["a@lut"]
+    assert key_of(paper_accuracy(given, ["a@lut"], labels={"a@lut": "table"}))[:2] == ["table"]
     with pytest.raises(UnknownNameError):
-        paper_fronts(given, ["c"])
+        paper_accuracy(given, ["c"])
     with refused(InputError):
-        paper_fronts(bench(setting("a", claims=None)))
+        paper_accuracy(bench(setting("a", claims=None)))
 
 
 def test_a_grid_has_a_sign_a_cell_and_the_key_of_each(refused, tmp_path):

@@ -198,15 +198,15 @@ def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(refus
 
 
 class _OffAtOnePoint(_Blurred):
-    """Is off by 7 mm where the hand is at one point, and right elsewhere."""
+    """Is off by 7 mm where the hand is at one spot, and right elsewhere."""
 
     def __init__(self, inner, stiffness, place):
         super().__init__(inner, 0.0, stiffness)
-        self.place = place
+        self.spot = place
 
     def step(self, hip, velocity, dt):
         ihip, force = self.inner.step(hip, velocity, dt)
-        return Response(ihip + np.array([7e-3, 0.0]) * np.array_equal(hip, self.place), force)
+        return Response(ihip + np.array([7e-3, 0.0]) * np.array_equal(hip, self.spot), force)
 
 
 def test_one_place_that_is_off_is_the_accuracy_and_is_named(run, work):
