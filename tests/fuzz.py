@@ -6,6 +6,7 @@
     .venv/bin/python tests/fuzz.py ideal 11 10000 4322              the same from example 4322 on
     .venv/bin/python tests/fuzz.py ideal-in-space 11 10000          the same on solids and surfaces
     .venv/bin/python tests/fuzz.py constraint-in-space 11 10000     the god-object there
+    .venv/bin/python tests/fuzz.py ideal-moving 11 10000        both on bodies that slide and spin: constraint-moving
     .venv/bin/python tests/fuzz.py medial-axis 11 1000              pops of the nearest point against brute force
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
@@ -109,7 +110,13 @@ SELDOM = {"numerical-stability", "mirror-image", "vertex-order", "two-at-once", 
 SELDOM_EVERY = 7
 """They are asked in each example of this number: prime to the twelve of a model, so that all kinds have their turn."""
 
-ENTRIES = {"ideal": ("ideal", 2), "ideal-in-space": ("ideal", 3), "constraint-in-space": ("constraint", 3)}
+ENTRIES = {
+    "ideal": ("ideal", 2),
+    "ideal-in-space": ("ideal", 3),
+    "constraint-in-space": ("constraint", 3),
+    "ideal-moving": ("ideal", 2),
+    "constraint-moving": ("constraint", 3),
+}
 """By entry: the renderer that is judged, and the dimension of what a search draws."""
 
 
@@ -176,7 +183,8 @@ def judge_drawn(entry: str, seed: int, count: int, first: int = 1) -> int:
     of_medial_axis = entry == "medial-axis"
     name, dimension = ("minimum-distance", 3) if of_medial_axis else ENTRIES[entry]
     renderer, failing, left_out = resolve(name), 0, 0
-    cases = draw_cases((), ("continuous-contact",) if of_medial_axis else judgeable(), seed, dimension=dimension)
+    asked = ("continuous-contact",) if of_medial_axis else judgeable()
+    cases = draw_cases((), asked, seed, dimension=dimension, moving=entry.endswith("-moving"))
     for number, case in enumerate(itertools.islice(cases, first - 1, count), first):
         if number % SELDOM_EVERY:
             case = msgspec.structs.replace(case, checks=tuple(check for check in case.checks if check not in SELDOM))

@@ -59,6 +59,9 @@ def search(
             max=3,
         ),
     ] = None,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="On bodies that slide and spin, of a renderer that supports 'moving'.")
+    ] = False,
     seconds: Annotated[
         float,
         typer.Option(
@@ -119,7 +122,7 @@ def search(
     # What earlier searches kept is tried before anything is drawn.
     known = read_all(directory) if directory.is_dir() else []
     hunts = [
-        Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name))
+        Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name), moving)
         for name in names
     ]
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:

@@ -6,7 +6,9 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
+from msgspec import to_builtins
 
+from hapticeval.files import plain
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.model import Model
@@ -15,7 +17,7 @@ from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
 from hapticeval.runner.work import derived_seed
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import Moves
-from hapticeval.strategies import examples, hand_paths, laps, meshes, plane_models, pushes, surfaces
+from hapticeval.strategies import examples, hand_paths, laps, meshes, motions, plane_models, pushes, surfaces
 from hapticeval.suite.case import Case
 
 FIRST_MODELS: dict[int, tuple[dict[str, Any], ...]] = {
@@ -77,6 +79,7 @@ def draw_cases(
     refused: Container[str] = (),
     *,
     dimension: int = 2,
+    moving: bool = False,
     call: Callable[..., Any] = lambda function, *arguments: function(*arguments),
 ) -> Iterator[Case]:
     """Yield cases without end, round after round on each of the models.
@@ -85,6 +88,7 @@ def draw_cases(
     - `checks`: read anew each time, so that the caller may drop what has been found. Paths are for checks that a led
       hand can show, experiments for those that need a closed loop.
     - `refused`: tables, as text, of models that the renderer does not take: read anew each time, and left out.
+    - `moving`: bodies slide and spin under the paths; in experiments they rest.
     - `call`: calls a function with its arguments. Drawing takes seconds, and may be done in another process.
     """
     fixed = [dict(model.table) for model in first_models(models, dimension)]
@@ -97,10 +101,15 @@ def draw_cases(
                 continue
             # Read anew for each model: a check that has failed meanwhile asks for no more paths.
             for_paths = [name for name in checks if judges_paths(CHECKS[name])]
-            for moves in call(_draw_paths, model, seed, round_number, model_number) if for_paths else ():
+            paths = call(_draw_paths, model, seed, round_number, model_number) if for_paths else []
+            scenes = call(_draw_motions, model, len(paths), seed, round_number, model_number) if moving else []
+            for number, moves in enumerate(paths):
                 asked_checks = tuple(name for name in for_paths if name in checks)
                 if asked_checks:
-                    yield _case(model, asked_checks, trajectory=moves)
+                    # two paths may share a motion: there are as many as differ
+                    yield _case(
+                        model, asked_checks, trajectory=moves, scene=scenes[number % len(scenes)] if scenes else {}
+                    )
             # No check that is left asks for a closed loop.
             if all(judges_paths(CHECKS[name]) for name in checks):
                 continue
@@ -132,6 +141,14 @@ def _draw_paths(table: dict[str, Any], seed: int, round_number: int, model_numbe
                 laps(model, past=past), min(round_number, 1) + 1, seed, "laps", round_number, model_number
             )[-1:]
     return paths
+
+
+def _draw_motions(
+    table: dict[str, Any], count: int, seed: int, round_number: int, model_number: int
+) -> list[dict[str, Any]]:
+    """Draw up to `count` motions of a model, each as what it has of a scene."""
+    drawn = _seeded_examples(motions(make_model(**table)), count, seed, "motions", round_number, model_number)
+    return [{"motion": plain(to_builtins(motion), "motion")} for motion in drawn]
 
 
 def _draw_pushes(

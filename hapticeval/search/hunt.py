@@ -94,6 +94,7 @@ class Search:
     most_examples: int | None = None
     report: Callable[[str], None] | None = None
     dimension: int = 2
+    moving: bool = False
     counterexamples: dict[str, FailingCase] = field(default_factory=dict)
     tried: int = 0
     judged: Counter[str] = field(default_factory=Counter)
@@ -152,7 +153,13 @@ class Search:
             if asked_checks:
                 yield replace(case, checks=asked_checks), examples
         draws = draw_cases(
-            self.models, open_checks, self.seed, refusing, dimension=self.dimension, call=self.bench.aside
+            self.models,
+            open_checks,
+            self.seed,
+            refusing,
+            dimension=self.dimension,
+            moving=self.moving,
+            call=self.bench.aside,
         )
         yield from ((case, None) for case in draws)
 

@@ -25,6 +25,7 @@ class Hunt(NamedTuple):
     """What to search for: failures of `checks` by a `renderer`, for so many `seconds` or, if given, `examples`.
 
     `models` are tables as `make_model` takes them; if there are none, those of `drawing.FIRST_MODELS` in a `dimension`.
+    `moving`: their bodies slide and spin.
     `known` counterexamples of earlier searches are tried first.
     """
 
@@ -35,6 +36,7 @@ class Hunt(NamedTuple):
     seconds: float
     examples: int | None
     dimension: int = 2
+    moving: bool = False
 
 
 class HuntResult(NamedTuple):
@@ -75,7 +77,17 @@ def run_hunt(
     with Bench(hunt.renderer, seed, over) as bench:
         known = [(counterexample.case, counterexample.examples) for counterexample in hunt.known]
         models = [make_model(**table) for table in hunt.models]
-        search = Search(bench, hunt.checks, seed, models, known, hunt.examples, report=report, dimension=hunt.dimension)
+        search = Search(
+            bench,
+            hunt.checks,
+            seed,
+            models,
+            known,
+            hunt.examples,
+            report=report,
+            dimension=hunt.dimension,
+            moving=hunt.moving,
+        )
         search.run()
     counterexamples = [
         stored_counterexample(failing_case, hunt.renderer, seed) for failing_case in search.counterexamples.values()
