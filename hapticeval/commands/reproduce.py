@@ -19,7 +19,8 @@ import typer
 from hapticeval.commands import draw
 from hapticeval.commands.arguments import Folder, argument, option
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import RefusalError
+from hapticeval.files import writing
 
 if TYPE_CHECKING:
     from hapticeval.recordings.recording import Recording
@@ -66,6 +67,8 @@ def reproduce(
 
     chosen = {place for name in names for place in items_named(name)}
     items = {place: item for place, item in read_items().items() if place in chosen}
+    with writing(directory):  # before minutes of work
+        directory.mkdir(parents=True, exist_ok=True)
     with Terminal() as terminal:
         parts = list(Reproduction(items, directory).carry_out(terminal))
     for part in parts:
@@ -138,7 +141,7 @@ class Reproduction:
         with redirect_stdout(io.StringIO()) as text:
             try:
                 typer.main.get_command(program)([*words[3:], "-o", str(folder)], standalone_mode=False)
-            except HapticevalError as error:
+            except RefusalError as error:
                 document["came_to"] = error.what
         for file in folder.glob("*.json"):
             document |= json.loads(file.read_text(encoding="utf-8"))

@@ -59,6 +59,12 @@ def test_what_the_thesis_has_not_is_refused(capsys):
     assert "did you mean figure-6.22" in capsys.readouterr().err
 
 
+def test_a_folder_that_cannot_be_is_refused_before_anything_runs(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert main(["reproduce", "all", "-o", str(tmp_path / "file")]) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("word", "said"),
     [
