@@ -114,7 +114,7 @@ class RightContact:
 
 
 def right_contact(
-    boundary: Boundary,
+    boundary: Boundary | None,
     time: Array,
     hip: Array,
     velocity: Array | None = None,
@@ -125,20 +125,24 @@ def right_contact(
 ) -> RightContact:
     """Return the contact that a hand at `hip` (n, N), m, at `time` (n,), s, should have with `boundary`.
 
-    `points` (n, N), m, are contact points to compare with; without them a rigid tool is led along the path. Without a
-    `velocity` (n, N), m/s, it is fitted to the hand, as encoders ask for.
+    `points` (n, N), m, are contact points to compare with; without them a rigid tool is led along the path. A contact
+    with given points may have no known `boundary`: nothing is then known outside of it. Without a `velocity` (n, N),
+    m/s, it is fitted to the hand, as encoders ask for.
     """
-    closest = boundary.closest_point(hip)
+    closest = None if boundary is None else boundary.closest_point(hip)
     if velocity is None:
         step = float((time[-1] - time[0]) / (len(time) - 1))
         rows = min(SMOOTHED_ROWS, 2 * (len(hip) // 4) + 1)
         velocity = savgol_filter(hip, rows, 2, deriv=1, delta=step, axis=0) if rows > 2 else np.zeros_like(hip)
-    point = lead_tool(boundary, hip) if points is None else points
+    if points is None:
+        assert boundary is not None, "a tool is led on a boundary"
+        points = lead_tool(boundary, hip)
+    point = points
     reach = point - hip
     inside = np.linalg.norm(reach, axis=1)
     touches = inside > 1e-12
-    normal = np.where(touches[:, None], unit_rows(reach), closest.normal)
-    depth = np.where(touches, inside, np.minimum(-closest.distance, 0.0))
+    normal = np.where(touches[:, None], unit_rows(reach), 0.0 if closest is None else closest.normal)
+    depth = np.where(touches, inside, 0.0 if closest is None else np.minimum(-closest.distance, 0.0))
     damper = np.where(touches, damping * dot_rows(velocity, normal), 0.0)
     force = stiffness * reach - damper[:, None] * normal
     return RightContact(time, hip, velocity, point, normal, depth, touches, force, stiffness)

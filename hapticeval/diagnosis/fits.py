@@ -17,6 +17,9 @@ NORMAL_MEDIAN = 0.6745
 THIRD_DIFFERENCES = 20.0
 """Variance of a third difference of white noise of variance one: 1 + 9 + 9 + 1."""
 
+NEXT_TO_NOTHING = 1e-12
+"""Share of a signal's power that is its rounding."""
+
 KNOTS = 12
 """Knots of a gain that varies with something; *chosen*: twelve see a wave and a half."""
 
@@ -75,7 +78,9 @@ def fit_delay(signal: Array, source: Array, *, most: int, early: bool, free_gain
     shared = common[ticks] + np.where(at_first, sums[away] @ source[0], (sums[-1] - sums[count - away]) @ source[-1])
     kept = np.where(at_first, own[count - away], own[-1] - own[away])
     kept = kept + away * np.where(at_first, source[0] @ source[0], source[-1] @ source[-1])
-    gain = shared / np.maximum(kept, 1e-300) if free_gain else np.ones(len(ticks))
+    # Delayed so far that nothing of the source is left, it has no gain.
+    some_left = kept > NEXT_TO_NOTHING * own[-1]
+    gain = np.where(some_left, shared / np.where(some_left, kept, 1.0), 0.0) if free_gain else np.ones(len(ticks))
     best = int(ticks[np.argmin(kept * gain**2 - 2.0 * gain * shared)])
     return min((_between(signal, source, start, free_gain) for start in (best - 1, best)), key=lambda fit: fit.left)
 
@@ -100,7 +105,10 @@ def _between(signal: Array, source: Array, start: int, free_gain: bool) -> Delay
     if free_gain:
         # linear in gain and gain * share
         basis = np.stack([late.ravel(), change.ravel()])
-        normal = basis @ basis.T + 1e-14 * np.trace(basis @ basis.T) * np.eye(2)
+        size = float(np.trace(basis @ basis.T))
+        if size == 0.0:
+            return Delay(start, 0.0, power(signal))
+        normal = basis @ basis.T + 1e-14 * size * np.eye(2)
         gain, shared = np.linalg.solve(normal, basis @ signal.ravel())
         share = float(np.clip(shared / gain, 0.0, 1.0)) if gain else 0.0
         model = late + share * change

@@ -216,3 +216,47 @@ PLANTED: dict[str, Callable[[], Recording]] = {
     "clock: ms declared s": lambda: slower(1000.0),
 }
 """One fault each."""
+
+NAMED_AS: dict[str, str] = {
+    "force: lbf declared N": "unit",
+    "force: kgf declared N": "unit",
+    "force: mN declared N": "unit",
+    "force: gain 1.2": "gain",
+    "force: bias of 2 N, out of the model": "bias",
+    "force: bias of 4 N, into the model": "bias",
+    "force: bias of 0.3 N along the top": "bias",
+    "force: drift of 1 N": "drift",
+    "force: wrong sign": "sign",
+    "force: wrong sign of y": "axes",
+    "force: x and y swapped": "axes",
+    "force: axes permuted": "axes",
+    "force: turned by 30 degrees": "rotation",
+    "force: 5 ms late": "lag",
+    "force: 20 ms late": "lag",
+    "force: low-pass of 3 Hz": "low-pass",
+    "force: one axis gone": "gain of an axis",
+    "force: constant": "constant",
+    "force: clipped at 1 N": "limit",
+    # -|f| on both axes that are pressed: reversed, with the rectified noise as a small constant force.
+    "force: half-wave rectified wrongly": "gain + bias",
+    # 0.5 N at 500 N/m: a force that begins 1 mm inside.
+    "force: dead zone of 0.5 N": "offset",
+    "hand: mm declared m": "position unit",
+    "hand: cm declared m": "position unit",
+    "hand: inches declared m": "position unit",
+    # On a cube a mirrored hand is a mirrored force.
+    "hand: x mirrored": "axes",
+    "hand: y mirrored": "axes",
+    "hand: x and y swapped": "axes",
+    "hand: y and z swapped": "axes",
+    "hand: turned by 20 degrees": "position rotation",
+    "hand: 2 mm too high": "position offset",
+    "hand: 2 mm too low": "position offset",
+    # A hand that is late has a force that is early.
+    "hand: 10 ms late": "lag",
+    "hand: scaled by 1.05": "position scale",
+}
+"""The cause that a diagnosis should name where the columns alone do not show it; of another run it knows nothing."""
+
+SHOWN_BY_COLUMNS = {"stuck", "spike", "jump", "dropout", "gap", "dropped rows", "unit"}
+"""Kinds of issues that are a cause themselves."""

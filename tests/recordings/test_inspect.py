@@ -55,7 +55,7 @@ def test_a_sound_recording_ends_with_0_and_a_picture_and_a_suspicious_one_with_1
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        (["--stiffness", "900"], "1000 N/m fits best, 900 N/m is declared"),
+        (["--stiffness", "900"], "the force is 1.11 times what is asked, as of 1000 N/m"),
         (["--model", "circle:size=0.21"], "surface ihip"),
         (["--against", "other.h5"], "it is that of other.h5"),
     ],
@@ -82,8 +82,8 @@ def pressed(rows=600, radius=0.05, stiffness=600.0):
     ("options", "code", "words"),
     [
         (["--model", "circle:size=0.1", "--stiffness", "600"], 0, "spring and surface  HIP + F / K_p on the model"),
-        (["--model", "circle:size=0.1", "--stiffness", "60"], 1, "N/m fits best, 60 N/m is declared"),
-        (["--model", "circle:size=0.1", "--stiffness", "606"], 1, "N/m fits best, 606 N/m is declared"),
+        (["--model", "circle:size=0.1", "--stiffness", "60"], 1, "the force is 10 times what is asked, as of "),
+        (["--model", "circle:size=0.1", "--stiffness", "606"], 1, "the force is 0.99 times what is asked, as of "),
         (["--model", "circle:size=0.2"], 1, "no force though the HIP goes deeper inside the model"),
         (["--model", "circle:size=0.09"], 1, "a force though the HIP is outside the model"),
         (["--model", "circle:size=0.1"], 0, "not checked: surface: the log has no ihip"),

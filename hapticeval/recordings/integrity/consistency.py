@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import permutations, product
 from typing import Protocol
 
 import numpy as np
@@ -51,9 +50,6 @@ What is larger changes with the hand: it is a force."""
 
 FREE_ROWS_KNOWN = 100
 """Rows in free motion that show what a sensor reads there."""
-
-TURNED_ROWS, TURNED_SHARE = 500, 0.95
-"""Rows at which a force with other axes or signs is tried, and the share of them at which it has to fit."""
 
 BARRED_GRAIN, MOST_BARRED = 1e-6, 10_000
 """Share of the model's size over which solid between hand and tool may be missed; the rows at which it is sought."""
@@ -198,7 +194,7 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
 def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
     """Check that the force is that of a spring, F = K_p (IHIP - HIP) of (6.1), at `rows` (n,): residual in N.
 
-    `stiffness` is K_p, N/m. An issue also names the stiffness that fits best.
+    `stiffness` is K_p, N/m.
     """
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
@@ -208,10 +204,7 @@ def spring(recording: Recording, rows: IntArray, stiffness: float) -> Consistenc
     # Least squares of F = K reach: K = sum F . reach / sum reach^2. What that leaves may be noise, a wrong K_p is none.
     share, square = float(np.sum(force * reach)), float(np.sum(reach * reach))
     noise = _noise(force - (share / square if square > 0.0 else 0.0) * reach, force)
-    check = _checked(recording, rows, SPRING_RELATION, "force", "N", residual, step, noise=noise)
-    check = _fitted(check, stiffness, share, square)
-    some = _spread(rows)
-    return _turned(check, force[some], lambda turned: np.linalg.norm(turned - stiffness * reach[some], axis=1))
+    return _checked(recording, rows, SPRING_RELATION, "force", "N", residual, step, noise=noise)
 
 
 def on_the_model(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
@@ -235,9 +228,8 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Consiste
 def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
     """Check the tool that the force implies, HIP + F / K_p (6.1), against the model's boundary: residual in m.
 
-    Of `rows` (n,) those with a force are checked; `stiffness` is K_p, N/m. An issue names the stiffness that fits
-    best: the least squares of d + n . F / K_p, which is the distance to first order. What the renderer
-    declares of its own representation is allowed.
+    Of `rows` (n,) those with a force are checked; `stiffness` is K_p, N/m. What the renderer declares of its own
+    representation is allowed.
     """
     quantum, floor = coarsest(recording.force[rows]), force_floor(recording, rows, model)
     known_noise = free_noise(recording, rows, model) / stiffness
@@ -249,15 +241,7 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     residual = model.boundary.closest_point(hip + force / stiffness).distance[:, np.newaxis]
     step = coarsest(hip) + quantum / stiffness + _blurred(recording)
     noise = max(_noise(residual, force / stiffness), known_noise)
-    check = _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size, noise=noise)
-    frame = model.boundary.closest_point(hip)
-    # To first order the tool's distance is d + n . F / K: least squares in 1 / K gives K = sum (n.F)^2 / -sum d (n.F).
-    along = np.sum(frame.normal * force, axis=1)
-    check = _fitted(check, stiffness, float(np.dot(along, along)), -float(np.dot(frame.distance, along)))
-    some = _spread(rows)
-    return _turned(
-        check, force[some], lambda turned: np.abs(model.boundary.closest_point(hip[some] + turned / stiffness).distance)
-    )
+    return _checked(recording, rows, IMPLIED_RELATION, "force", "m", residual, step, size=model.size, noise=noise)
 
 
 def force_floor(recording: Recording, rows: IntArray, model: Model) -> float:
@@ -430,40 +414,3 @@ def _checked(
     span = int(bad[0]), int(bad[-1]) + 1
     issue = make_issue(recording, name, message, channel, span, bound=bound, rows=int(bad.size))
     return replace(check, issues=(issue,))
-
-
-def _fitted(check: ConsistencyTest, declared: float, share: float, square: float) -> ConsistencyTest:
-    """Name in the issues of a check the stiffness that fits best, share / square, where that is positive."""
-    # Without any reach, or with forces that do not push out of the model, no stiffness fits.
-    if not square > 0.0:
-        return check
-    words = f"; {share / square:.6g} N/m fits best, {declared:.6g} N/m is declared"
-    issues = tuple(
-        replace(issue, message=issue.message + words, measures={**issue.measures, "stiffness": share / square})
-        for issue in check.issues
-    )
-    return replace(check, issues=issues)
-
-
-def _spread(rows: IntArray) -> IntArray:
-    """Return the indices of at most `TURNED_ROWS` of the rows, evenly spread."""
-    return np.unique(np.linspace(0, rows.size - 1, TURNED_ROWS).astype(int))
-
-
-def _turned(check: ConsistencyTest, force: Array, residuals: Callable[[Array], Array]) -> ConsistencyTest:
-    """Name in the issues of a check the axes and signs of the force (n, N), N, with which it holds at nearly all rows.
-
-    `residuals` gives those (n,) of a force that is taken so, in the unit of the check.
-    """
-    if not check.issues:
-        return check
-    bound, count = check.issues[0].measures["bound"], force.shape[1]
-    turns = product(permutations(range(count)), product((1.0, -1.0), repeat=count))
-    next(turns)  # as it is
-    for axes, signs in turns:
-        if np.mean(residuals(force[:, axes] * signs) <= bound) > TURNED_SHARE:
-            axis_names = ", ".join(f"{'-' * (sign < 0.0)}{'xyz'[axis]}" for axis, sign in zip(axes, signs, strict=True))
-            words = f"; it holds with the force taken as ({axis_names})"
-            issues = tuple(replace(issue, message=issue.message + words) for issue in check.issues)
-            return replace(check, issues=issues)
-    return check

@@ -90,7 +90,12 @@ FAULT_KINDS = ("duplicate", "reversal", "no number")
 """Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
 
 LEFT_OUT_KINDS = ("stuck", "spike", "jump", "dropout")
-"""Kinds, but for notes, whose rows are no measurement of the hand, though they are valid: checks leave them out."""
+"""Kinds, but for notes, of which `no_measurement` speaks."""
+
+
+def no_measurement(issue: Issue) -> bool:
+    """Return whether the rows of an issue are no measurement, though they are valid: checks leave them out."""
+    return issue.kind in LEFT_OUT_KINDS and issue.severity is not Severity.NOTE and issue.first is not None
 
 
 def make_issue(

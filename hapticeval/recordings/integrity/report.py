@@ -12,9 +12,10 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.quantity import align_columns, format_number, plural
 from hapticeval.recordings.integrity import columns, relations
+from hapticeval.recordings.integrity.cause import explained
 from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
-from hapticeval.recordings.integrity.issue import LEFT_OUT_KINDS, Issue, Severity
+from hapticeval.recordings.integrity.issue import Issue, Severity, no_measurement
 from hapticeval.recordings.integrity.timing import Timing, dropped_rows, examine_timing
 from hapticeval.recordings.provenance import LINE_MODEL, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
@@ -115,7 +116,9 @@ def examine(
     walled = model is not None and model.name == LINE_MODEL and recording.dimension == 1
     placed = before_the_wall(recording) if walled else recording
     checks = inverse_checks(placed, device=device, model=model, stiffness=stiffness)
-    issues += [issue for check in checks for issue in check.issues]
+    issues = list(
+        explained(placed, [*issues, *(issue for check in checks for issue in check.issues)], model, stiffness)
+    )
     # Worst first, then by row; what concerns the whole recording stands before the rows.
     order = list(Severity)
     issues.sort(key=lambda issue: (order.index(issue.severity), issue.first if issue.first is not None else -1))
@@ -134,8 +137,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for issue in report.issues:
-        no_measurement = issue.kind in LEFT_OUT_KINDS and issue.severity is not Severity.NOTE
-        if no_measurement and issue.first is not None and keep[issue.first : issue.end].any():
+        if no_measurement(issue) and issue.first is not None and keep[issue.first : issue.end].any():
             keep[issue.first : issue.end] = False
             left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
     sound = stretches(recording, keep)
