@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.errors import at
-from hapticeval.geometry.pose import Pose, check_pose
+from hapticeval.geometry.pose import Pose, check_pose, turn_in_plane
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 POSE_CHANNELS = ("body_rotation", "body_translation")
 """The channels of a pose: the matrix row by row, (n, N N), and the translation (n, N), m."""
+
+
+LOG_ROUNDING = 2e-3
+"""How far the lengths of a logged rotation may be from 1: three digits."""
 
 
 def pose_channels(pose: Pose) -> dict[str, Array]:
@@ -35,6 +39,38 @@ def poses_of(channels: Mapping[str, Array]) -> Pose | None:
     rotation, translation = (channels[name] for name in POSE_CHANNELS)
     count, size = translation.shape
     return Pose(rotation.reshape(count, size, size), translation)
+
+
+def rotation_rows(columns: Array, size: int) -> Array:
+    """Return rotations as the channel has them, (n, N N), of a log's columns, with N = `size`.
+
+    These are angles (n,), rad, in the plane; unit quaternions (n, 4), w first, in space; or the matrices themselves.
+    What is off a rotation by `LOG_ROUNDING` at the most is brought to the nearest one; anything else stays none.
+    """
+    if columns.ndim == 1:
+        return turn_in_plane(columns).reshape(-1, 4)
+    if size == 2 or columns.shape[1] == size * size:
+        return _nearest_rotations(columns.reshape(-1, size, size)).reshape(columns.shape)
+    lengths = np.linalg.norm(columns, axis=1, keepdims=True)
+    columns = np.where(np.abs(lengths - 1.0) <= LOG_ROUNDING, columns / lengths, columns)
+    # R = (w^2 - v.v) I + 2 v v^T + 2 w [v]x, of a unit quaternion; another one makes no rotation, and is refused
+    w, x, y, z = columns.T
+    rows = [
+        *(w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        *(2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)),
+        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z),
+    ]
+    return np.column_stack(rows)
+
+
+def _nearest_rotations(matrices: Array) -> Array:
+    """Return matrices (n, N, N) with those that three digits explain as the nearest rotations: their polar factors."""
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    left, lengths, right = np.linalg.svd(matrices[finite])
+    near = np.all(np.abs(lengths - 1.0) <= LOG_ROUNDING, axis=1)[:, np.newaxis, np.newaxis]
+    nearest = matrices.copy()
+    nearest[finite] = np.where(near, left @ right, matrices[finite])
+    return nearest
 
 
 def in_world(recording: Recording) -> Recording:
@@ -78,4 +114,6 @@ def _seen(recording: Recording, *, world: bool) -> Recording:
             channels[name] = convert(before, hip, values, ticks)
         else:
             channels[name] = poses.turned(values) if world else poses.turned_back(values)
-    return replace(recording, channels=channels)
+    # a row after a gap has no pose before it, and so no velocity of the body under it
+    finite = [np.isfinite(values.reshape(len(recording), -1)).all(axis=1) for values in channels.values()]
+    return replace(recording, channels=channels, valid=recording.measured & np.all(finite, axis=0))

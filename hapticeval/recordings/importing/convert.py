@@ -24,11 +24,12 @@ from hapticeval.recordings.hdf5 import (
     salvage,
     write_recording,
 )
-from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
+from hapticeval.recordings.importing.mapping import POSE, FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import BLOCK_MARK, MAGIC, recover
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.quantization import rounded_as
 from hapticeval.recordings.recording import Clock, Recording, columns_of
+from hapticeval.recordings.world import POSE_CHANNELS, in_body, rotation_rows
 from hapticeval.types import Array, BoolArray, IntArray
 
 
@@ -142,6 +143,8 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     channels = {}
     for name, source in mapping.channels.items():
         channels[name] = _values(table, mapping, name, source, stamps)
+        if name == POSE_CHANNELS[0] and POSE in document.channels:
+            channels[name] = rotation_rows(channels[name], len(document.channels[POSE]["translation"]))
         # One component without a number makes a row of the channel none.
         empty = ~np.isfinite(channels[name]).reshape(stamps.size, -1).all(axis=1)
         counts["without a number"] += int(np.sum(empty & valid))
@@ -172,7 +175,8 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
         meta |= {"device": document.device["kind"], "device_parameters": known}
     clock = Clock(stamps, start=int(stamps[valid][0]) if document.time.start == "zero" else 0)
     signals = {name: source.signal for name, source in mapping.channels.items()}
-    return Recording.clocked(clock, channels, meta, valid=valid, signals=signals)
+    recording = Recording.clocked(clock, channels, meta, valid=valid, signals=signals)
+    return in_body(recording) if POSE in document.channels else recording
 
 
 def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[IntArray, BoolArray]:

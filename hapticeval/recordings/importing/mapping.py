@@ -26,6 +26,12 @@
     columns = ["u1", "u2"]
     unit = "V"                              # what torque_per_command is for
 
+    [channels.pose]                         # of a body that moves, in the frame of hip, force and velocity
+    rotation = ["phi"]                      # an angle in the plane; a matrix row by row; in space w, x, y, z too
+    angle = "deg"
+    translation = ["bx", "bz"]
+    unit = "mm"
+
     [device]
     kind = "parallelogram-2dof"
     counts_per_turn = 262144
@@ -46,6 +52,8 @@ channel's. Where the file's axes are turned against the model's, `axes = [[0.866
 model's x and y in the axes of the file, and turns that vector. Channels that hapticeval does not know state what they
 are: `becomes` (an SI unit), `meaning`, `frame`. Of a log with a `[device]`, HIP, velocity and force follow from its
 joints and motors, where no column is mapped to them.
+
+With a pose hip, velocity and force are taken into the frame of the body, where checks read them.
 
 `proposal.propose` makes a first mapping of a file. What it does not know is `?`, which no conversion accepts.
 """
@@ -78,6 +86,9 @@ AXES_ROUNDING = 2e-3
 
 WIRED_CHANNELS = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
 """Channels that are known where there is a `[device]`, which gives the meaning of their numbers."""
+
+POSE = "pose"
+"""The table of a mapping that gives both channels of a pose."""
 
 Sign = Literal[1, -1, "?"]
 Quantity = float | str
@@ -118,6 +129,38 @@ class Channel(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     becomes: str | None = None
     meaning: str | None = None
     frame: Literal["world", "joint", "device", "none"] | None = None
+
+
+class PoseColumns(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The pose of a body that moves: x of its frame is at R x + t in the frame of the hand.
+
+    `rotation` is R: one column of an `angle` (its unit) in the plane; the matrix row by row; or in space a unit
+    quaternion w, x, y, z. `translation` is t, in some `unit`.
+    """
+
+    rotation: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    translation: Annotated[tuple[str, ...], msgspec.Meta(min_length=2, max_length=3)]
+    unit: str
+    angle: str | None = None
+
+    def sources(self) -> dict[str, Source]:
+        """Return where the two channels of a pose come from. Raises `InputError` for as many columns as no rotation."""
+        count, size = len(self.rotation), len(self.translation)
+        if count not in ({1, 4} if size == 2 else {4, 9}) or (count == 1) is (self.angle is None):
+            raise InputError(
+                f"{count} columns of a rotation in {size}D, and angle = {self.angle!r}",
+                why="it is an angle in the plane, a matrix row by row, or in space a quaternion",
+                todo='write rotation = ["phi"] and angle = "rad", or 4 columns, or 9 in space',
+            )
+        turned = 1.0 if self.angle is None else _factor(self.angle, "rad")
+        rotation = Source(self.rotation, (turned,) * count, (0.0,) * count, None, CHANNELS["body_rotation"], None, None)
+        moved = (_factor(self.unit, "m"),) * size
+        return {
+            "body_rotation": rotation,
+            "body_translation": Source(
+                self.translation, moved, (0.0,) * size, None, CHANNELS["body_translation"], None, None
+            ),
+        }
 
 
 class Gaps(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -184,9 +227,13 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
         )
     with at(f"{name}: [time]"):
         factor = parsed.time.factor()
-    sources = {}
+    sources: dict[str, Source] = {}
     for channel, table in parsed.channels.items():
         place = f"{name}: [channels.{channel}]"
+        if channel == POSE:
+            with at(place):
+                sources |= convert(table, PoseColumns, place, todo=PROPOSAL_ADVICE).sources()
+            continue
         # Converted one by one, so that an error names its channel.
         spec: Channel = convert(table, Channel, place, todo=PROPOSAL_ADVICE)
         with at(place):
