@@ -207,6 +207,8 @@ def write_starter(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     return [directory / path for path in texts], [
         *filter(None, steps),
         f"hapticeval run {starter.judged} -r {renderer}",
+        # What no path of a case visits: the smallest that breaks it.
+        f"hapticeval search -r {renderer} --seconds 60",
     ]
 
 

@@ -26,9 +26,10 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.phenomena.checks.drop_out import fault_without_hip
 from hapticeval.phenomena.decisions import LAG_TICKS
-from hapticeval.phenomena.sampling import farthest_standoff, force_floor, note_cut_standoff
+from hapticeval.phenomena.sampling import farthest_standoff, force_floor, mm, note_cut_standoff
 from hapticeval.quantity import format_duration
 from hapticeval.recordings.recording import path_velocities, single_rounding
 from hapticeval.renderer import Declaration, WrappedRenderer
@@ -49,6 +50,9 @@ POLL_PERIOD = 0.1
 
 LEAD_DEPTH, LEAD_STEP, LEAD_REST_TICKS = 1e-2, 1e-3, 20
 """How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
+
+SIDES = 12
+"""Points of a curve at which the hand is pressed in."""
 
 TIMED_TICKS = 500
 """Ticks that are timed."""
@@ -339,7 +343,31 @@ def _check_contact(case: Case) -> StateAndText:
         forces[-1], scene.stiffness * depth * path.normal
     ):
         return State.NOTE, f"{force}: a factor of 1000, as where N/m are taken for N/mm; all units are SI"
-    return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface"
+    wrong_side = _find_wrong_side(case)
+    if wrong_side:
+        return State.MISSING, wrong_side
+    return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface, and all sides push out"
+
+
+def _find_wrong_side(case: Case) -> str:
+    """Say where around the model the force does not push the hand out, along the normal there; "" for nowhere.
+
+    The hand is pressed in at the middle of each triangle, on a curve at `SIDES` points.
+    """
+    boundary, size = case.scene.model.boundary, case.scene.model.size
+    middles = (
+        boundary.vertices[boundary.triangles].mean(axis=1) if isinstance(boundary, Mesh) else boundary.points(SIDES)
+    )
+    frame = boundary.closest_point(middles)
+    heights = case.path.hips[: case.path.deep + 1] - case.path.foot
+    # The heights over the foot of the first press, m, along another normal.
+    along = heights @ case.path.normal
+    for foot, normal in zip(frame.foot, frame.normal, strict=True):
+        force = _answers_along(case, foot + along[:, np.newaxis] * normal, case.scene.sampling_time)[1][-1]
+        if not float(force @ normal) > 0.0:
+            where = f"{mm(LEAD_DEPTH * size)} under the surface at {mm(*foot)}"
+            return f"the force {force} N does not push the hand out, along {normal}, {where}; elsewhere it does"
+    return ""
 
 
 def _advise_without_ihip(declared: Declaration | None) -> str:

@@ -48,6 +48,13 @@ def test_it_passes_its_own_test_and_its_ci(kind: str, folder: Path) -> None:
     assert not any(each.suffix != ".so" and re.search(r"\bmine\b", each.read_text()) for each in written)
 
 
+def test_what_comes_next_is_printed(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", kind, str(tmp_path / "made")]) == 0
+    printed = capsys.readouterr().out
+    assert "hapticeval doctor -r" in printed
+    assert "hapticeval search -r" in printed
+
+
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine.py").write_text("precious")
     assert main(["new", "python", str(tmp_path)]) == 2

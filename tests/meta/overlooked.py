@@ -133,6 +133,36 @@ def turned_when_slow(tick: Tick) -> Answer:
     return tick.ihip, turn @ tick.force
 
 
+def trails_and_lets_go(tick: Tick) -> Answer:
+    """In free space the tool goes a tenth of the way to the hand in a tick, and 3.8 mm inside contact is lost."""
+    before = tick.memory.setdefault("tool", tick.hip)
+    if not tick.force.any():
+        tick.memory["tool"] = before + 0.1 * (tick.hip - before)
+        return tick.memory["tool"], tick.force
+    tick.memory["tool"] = tick.ihip
+    if np.linalg.norm(tick.ihip - tick.hip) < 3.8e-3:
+        return tick.ihip, tick.force
+    return tick.hip, np.zeros_like(tick.hip)
+
+
+def lingers_past_corners(tick: Tick) -> Answer:
+    """Tool and force of the last contact stay for 8 ticks."""
+    if tick.force.any():
+        tick.memory |= {"last": (tick.ihip, tick.force), "at": tick.number}
+        return tick.ihip, tick.force
+    recent = "at" in tick.memory and tick.number - tick.memory["at"] < 9
+    return tick.memory["last"] if recent else (tick.ihip, tick.force)
+
+
+def one_triangle(tick: Tick) -> Answer:
+    """The force is reversed on one triangle of two of a face: that of +x where y is above z."""
+    if tick.force.size < 3 or not tick.force.any():
+        return tick.ihip, tick.force
+    _, y, z = tick.ihip
+    reversed_there = tick.force[0] > 0.99 * np.linalg.norm(tick.force) and y > z
+    return tick.ihip, -tick.force if reversed_there else tick.force
+
+
 class Lost(Spoiled):
     """1 kN on a hand that is not a number."""
 
@@ -214,6 +244,18 @@ OVERLOOKED: Mapping[str, Overlooked] = {
     ),
     "turned-when-slow": Overlooked(
         spoiled(turned_when_slow), ("hard-cases-places/sampled-10-ms",), "contact-normal-force", "turned by 30 degrees"
+    ),
+    "trails-and-lets-go": Overlooked(
+        spoiled(trails_and_lets_go), PRESSES, "contact-kept", r"gets 6 mm past the surface.*besides, the IHIP is"
+    ),
+    "lingers-past-corners": Overlooked(
+        spoiled(lingers_past_corners), ("solids/cube-edge",), "broken-contact", "a force remains .*besides, n_pre is"
+    ),
+    "one-triangle": Overlooked(
+        spoiled(one_triangle),
+        ("solids/cube-all-round", "solids/l-block-all-round"),
+        "contact-normal-force",
+        "the force pulls",
     ),
     "lost": Overlooked(lost, PRESSES, "drop-out", "gets 1.73e"),
 }

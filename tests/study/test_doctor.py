@@ -36,6 +36,17 @@ class Pulls(Good):
         ihip, force = super().step(hip, velocity, dt)
         return ihip, -force
 
+class OneTriangle(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        turns = ihip.size == 3 and force[0] > 0.0 and ihip[1] > ihip[2]
+        return ihip, -force if turns else force
+
+class OneSide(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, -force if force[1] < -0.5 * np.linalg.norm(force) else force
+
 class Hums(Good):
     def step(self, hip, velocity, dt):
         ihip, force = super().step(hip, velocity, dt)
@@ -196,6 +207,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         ("Good", {}),
         ("Pulls", {"contact": "missing", "reset inside": "missing"}),
+        ("OneTriangle", {"contact": "missing"}),
+        ("OneSide", {"contact": "missing"}),
         ("Hums", {"free space": "missing", "leaving": "missing"}),
         ("Sticks", {"leaving": "missing"}),
         ("Wears", {"reset": "missing", "non-finite": "missing"}),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
@@ -44,8 +46,28 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     # A late tool is where the hand was up to three ticks ago; the rest is where the surface may lie.
     allowed = moved + (across + grain)
     trailing_tool = _find_trailing_tool(base, allowed)
-    if trailing_tool is not None:
+    barred = _judge_barred(base, grain, moved, allowed)
+    if trailing_tool is None:
+        return barred
+    if barred.outcome is not Outcome.FAIL:
         return trailing_tool
+    # Both in metres: the larger first.
+    lost = f"the hand gets {mm(_size_of(barred))} past the surface without contact"
+    trails = f"the IHIP is {mm(_size_of(trailing_tool))} away from the HIP in free space"
+    first, other = (barred, trails) if _size_of(barred) > _size_of(trailing_tool) else (trailing_tool, lost)
+    return replace(first, message=f"{first.message}; besides, {other}")
+
+
+def _size_of(finding: Finding) -> float:
+    return 0.0 if finding.metric is None else finding.metric.value
+
+
+def _judge_barred(base: Observed, grain: float, moved: Array, allowed: Array) -> Finding:
+    """Judge how far the hand gets past the surface that bars the tool's way to it, m, against `allowed` (n,), m.
+
+    The rigid tool moves in steps of `grain` (m), and the hand has `moved` (n,), m, in the last three ticks.
+    """
+    scene, across = base.scene, base.across_allowed
     contact = base.contact.copy()
     # A tool that is simulated pulls at the hand by its coupling in free space, too: that force is no contact.
     rows = np.flatnonzero(contact)
