@@ -425,8 +425,10 @@ class AtRest:
             return self.renderer.step(hip, velocity, dt)  # type: ignore[no-any-return]
         point = self.pose.to_body(hip)
         relative = self.pose.velocity_in_body(self.before, point, velocity, dt)
-        ihip, force = self.renderer.step(point, relative, dt)
-        return Response(self.pose.to_world(np.asarray(ihip)), self.pose.turned(np.asarray(force)))
+        ihip, force = (np.asarray(vector) for vector in self.renderer.step(point, relative, dt))
+        # a tool that is with the hand stays so to the last bit
+        tool = np.array(hip) if np.array_equal(ihip, point) else self.pose.to_world(ihip)
+        return Response(tool, self.pose.turned(force))
 
     def _observe_force(self, push: Array) -> None:
         pose = self.pose or resting_pose(push.size)

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.pose import Pose
 from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import continuing_steps
+from hapticeval.recordings.world import pose_channels, poses_of
 from hapticeval.reports.canvas import MM, Look
 from hapticeval.reports.chart import script_text
 from hapticeval.reports.plane import Box, filled_part, solid_mesh
@@ -75,6 +77,8 @@ class Track:
     """The speed (n,), m/s, of the HIP's foot along that surface."""
     left_out: tuple[float, float] | None = None
     """The times, s, between which nothing but the places of verdicts is shown; None where all of it is."""
+    pose: Pose | None = None
+    """Where the body is at each sample, for the world to be drawn; None of a body at rest."""
     events: Sequence[tuple[float, str]] = ()
     """When (s) a contact or an impact begins, and when a contact ends: `contact`, `impact`, `release`."""
 
@@ -128,10 +132,17 @@ def sample_tracks(
         for row in [int(np.argmin(np.abs(time - moment))) for moment in moments.intersection(faults)]:
             verdict_rows |= {*range(max(row - CLOSE_TICKS, 0), min(row + CLOSE_TICKS + 1, time.size))}
         surface_signals = [column for name in names if name in motions for column in _surface_signals(*motions[name])]
-        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, extra_signals=surface_signals)
+        poses = poses_of(recordings[names[0]].channels)
+        # between two samples that are drawn a body turns and moves evenly
+        turning = [] if poses is None else [*poses.rotation.reshape(len(time), -1).T, *poses.translation.T]
+        turning = [column for column in turning if np.ptp(column) > 0.0]
+        signals = [*surface_signals, *turning]
+        chosen = drawn_rows([recordings[name] for name in names], verdict_rows, extra_signals=signals)
         rows = chosen.rows
         for name in names:
             track = _sample_track(name, recordings[name], chosen)
+            if poses is not None:
+                track = replace(track, pose=Pose(poses.rotation[rows], poses.translation[rows]))
             if name in motions:
                 off, along = motions[name]
                 track = replace(track, off=off[rows], along=along[rows])
@@ -319,6 +330,8 @@ def tracks_document(tracks: Sequence[Track]) -> dict[str, Any]:
             "hip_step": floats(track.hip_step),
             "starts": track.starts.tolist(),
         }
+        if track.pose is not None:
+            path |= {name: floats(values) for name, values in pose_channels(track.pose).items()}
         key = track.time.tobytes() + track.hip.tobytes()
         paths.setdefault(key, path)
         channels = {

@@ -78,7 +78,9 @@ class InTheWorld:
             return answer  # whoever asked says what is wrong with it
         if ihip.shape != hip.shape or force.shape != hip.shape:
             return answer
-        return Response(pose.to_body(ihip), pose.turned_back(force))
+        # a tool that is with the hand is with it to the last bit
+        tool = hip.copy() if np.array_equal(ihip, hip_in_world) else pose.to_body(ihip)
+        return Response(tool, pose.turned_back(force))
 
     def observe_force(self, push: Array) -> None:
         """Hand the hand's measured force (N,), N, on in the world's axes; asked where the base observes it."""

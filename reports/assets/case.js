@@ -18,6 +18,17 @@
       button("+", "zoom in", () => scene.zoom(1.6)), button("−", "zoom out", () => scene.zoom(1 / 1.6)),
       button("hand", "close up on the hand", () => scene.closeUp()),
       button("all", "show everything", () => { follow(scene.space); scene.fit(); }));
+    if (scene.shown.moving) {
+      // Of a body that moves the world is shown, or on demand the body at rest, as checks read it.
+      const bodyButton = button("body", "hold the body still", () => {
+        scene.shown.showWorld(!scene.shown.inWorld);
+        bodyButton.setAttribute("aria-pressed", String(!scene.shown.inWorld));
+        scene.fit();
+        scene.changed();
+      });
+      bodyButton.setAttribute("aria-pressed", "false");
+      bar.append(bodyButton);
+    }
     if (!scene.space) return [bar, () => {}];
     const followButton = button("follow", "turn the solid so that the tool stays in sight", () => follow(!scene.following));
     function follow(on) {
@@ -212,6 +223,7 @@
     addScene(plane) {
       this.scene = new Scene(this.shown, plane, this.shown.data.title);
       const [bar, turned] = sceneButtons(this.scene);
+      this.scene.changed = () => { this.plots.draw(); this.closeUp.draw(); this.fillValues(); };
       // What is taller than the window is held by its lower edge.
       const stage = this.section.querySelector(".stage"), hold = () => { stage.style.top = `${Math.min(10, innerHeight - stage.offsetHeight - 10)}px`; };
       new ResizeObserver(hold).observe(stage);

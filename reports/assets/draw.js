@@ -81,7 +81,7 @@ const Drawing = (() => {
     const row = (vectors) => vectors && vectors.map((c) => [share ? c[k] + share * (c[k + 1] - c[k]) : c[k]]);
     const hip = row(run.hip), apart = row(run.apart);
     return {
-      hip, gap, apart: gap ? null : apart, force: gap ? null : row(run.force), touches: gap ? 0 : run.touches[k],
+      hip, gap, rotation: row(run.rotation), translation: row(run.translation), apart: gap ? null : apart, force: gap ? null : row(run.force), touches: gap ? 0 : run.touches[k],
       ihip: apart && hip.map((column, c) => [column[0] + apart[c][0]]),
     };
   }
@@ -92,10 +92,20 @@ const Drawing = (() => {
     return Array.from({ length: count }, (_, k) => stateAt(run, first + (span * (k + shift)) / count));
   }
 
-  const readPath = ({ time, hip, hip_step, starts }, dimension) => ({
+  const readPath = ({ time, hip, hip_step, starts, body_rotation: rotation, body_translation: translation }, dimension) => ({
     time: columns(time, 1, Float64Array)[0], hip: columns(hip, dimension), hip_step: columns(hip_step, 1),
     starts: new Set(starts),
+    rotation: rotation ? columns(rotation, dimension ** 2) : null, translation: translation ? columns(translation, dimension) : null,
   });
+
+  /** Vectors (columns) of the body's frame in the world's, R v, and points with a translation, R x + t; of poses a row, or of one. */
+  function inWorld(vectors, rotation, translation = null) {
+    const count = vectors.length, one = rotation[0].length === 1;
+    return vectors.map((_, i) => Float64Array.from(vectors[0], (_, k) => {
+      const row = one ? 0 : k;
+      return vectors.reduce((sum, column, j) => sum + rotation[count * i + j][row] * column[k], translation ? translation[i][row] : 0);
+    }));
+  }
 
   /** A run of the document with its channels by columns; `path` is that of its hand, which others may share. */
   function readRun(spec, paths, dimension) {
@@ -103,8 +113,12 @@ const Drawing = (() => {
     const apart = read(spec.apart, dimension), force = read(spec.force, dimension);
     const ihip = apart && path.hip.map((column, c) => column.map((value, k) => value + apart[c][k]));
     const touches = path.time.map((_, k) => (apart && apart.some((column) => column[k] !== 0) ? 1 : 0));
+    // The same in either frame: the body's, and where it moves the world's.
+    const body = { hip: path.hip, apart, ihip, force };
+    const turned = (vectors) => vectors && inWorld(vectors, path.rotation), placed = (points) => points && inWorld(points, path.rotation, path.translation);
+    const world = path.rotation && { hip: placed(path.hip), apart: turned(apart), ihip: placed(ihip), force: turned(force) };
     return {
-      ...spec, ...path, path, apart, ihip, force, touches, shown: true,
+      ...spec, ...path, path, ...body, body, world, touches, shown: true,
       step: read(spec.step), off: read(spec.off), along: read(spec.along),
       depthDecimals: decimals(MM * largest(apart)), forceDecimals: decimals(largest(force)),
     };
@@ -126,6 +140,9 @@ const Drawing = (() => {
       Object.assign(this, { data, crosses: data.crosses, marks: [], time: 0, start: 0, end: 0, strongest: 0 });
       this.runs = data.runs.map((spec) => readRun(spec, paths, data.dimension));
       this.closed = data.model?.closed ?? false;
+      /** Whether the body moves, and whether the world is shown, in which it does. */
+      this.moving = this.runs.some((run) => run.world);
+      this.inWorld = false;
       this.rounding = 2 ** -23 * Math.max(0, ...paths.map((path) => largest(path.hip)));  // m: the step of a float
       if (!this.runs.length) return;
       this.markFarRuns();
@@ -134,7 +151,18 @@ const Drawing = (() => {
       this.end = Math.max(...this.runs.map((run) => run.time[run.time.length - 1]));
       this.marks = (data.marks ?? []).map((mark) => ({ ...mark, run: this.runs[mark.run] }));
       this.go(data.time ?? this.start);
+      this.showWorld(this.moving);
     }
+
+    /** Show the world, or the frame of the body. */
+    showWorld(on) {
+      this.inWorld = on && this.moving;
+      for (const run of this.runs) Object.assign(run, (this.inWorld && run.world) || run.body);
+      this.go(this.time);
+    }
+
+    /** Where the body is at this time, as the columns of one row; null where it is at rest in what is shown. */
+    get pose() { return (this.inWorld && this.runs.find((run) => run.world)?.now) || null; }
 
     /** A run that goes far beyond the median one would leave the others a dot: the picture is not fitted to it. */
     markFarRuns() {
@@ -456,8 +484,8 @@ const Drawing = (() => {
       this.shown = shown;
       this.space = shown.data.dimension === 3;
       const { model } = shown.data;
-      this.rings = model?.rings?.map((ring) => columns(ring, 2)) ?? [];
-      this.mesh = model?.vertices ? readMesh(model) : null;
+      this.solid = { rings: model?.rings?.map((ring) => columns(ring, 2)) ?? [], mesh: model?.vertices ? readMesh(model) : null };
+      Object.assign(this, this.solid);
       /** Rows are what lies to the right, up, and towards the eye. */
       this.home = this.turn = model?.turn ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
       this.following = this.space;
@@ -478,6 +506,22 @@ const Drawing = (() => {
       this.draw();
     }
 
+    /** Put the model to where the body is at this time; tell whether it moved. */
+    placeModel() {
+      const { pose } = this.shown, at = pose ? [...pose.rotation, ...pose.translation].map(([x]) => x).join() : "";
+      if (at === (this.placedAt ?? "")) return false;
+      this.placedAt = at;
+      if (!pose) { Object.assign(this, this.solid); return true; }
+      const { rings, mesh } = this.solid, { rotation, translation } = pose;
+      const rows = (vectors, ...where) => { const [x, y, z] = inWorld([0, 1, 2].map((i) => vectors.map((vector) => vector[i])), ...where); return vectors.map((_, k) => [x[k], y[k], z[k]]); };
+      this.rings = rings.map((ring) => inWorld(ring, rotation, translation));
+      this.mesh = mesh && {
+        ...mesh, vertices: inWorld(mesh.vertices, rotation, translation), normals: rows(mesh.normals, rotation),
+        middles: rows(mesh.middles, rotation, translation), centre: rows([mesh.centre], rotation, translation)[0],
+      };
+      return true;
+    }
+
     // Where things lie in the picture.
 
     /** A point (columns, row) in the plane of the picture, m. */
@@ -494,13 +538,14 @@ const Drawing = (() => {
     /** Show all paths, and the model where they fill much of it, or nothing moves. */
     fit() {
       this.turn = this.home;
+      this.placeModel();
       this.follow();
       const paths = new Bounds(), solid = new Bounds();
       const add = (bounds, vectors) => { for (let k = 0; k < vectors[0].length; k++) bounds.add(this.flat(vectors, k)); };
       for (const run of this.shown.runs.filter((run) => run.near)) for (const vectors of [run.hip, run.ihip]) if (vectors) add(paths, vectors);
       for (const vectors of this.mesh ? [this.mesh.vertices] : this.rings) add(solid, vectors);
       const rests = !(paths.widest > 1e-6);
-      if (solid.widest > 0 && this.shown.closed && (rests || solid.widest < 2.5 * paths.widest)) { paths.add(solid.low); paths.add(solid.high); }
+      if (solid.widest > 0 && this.shown.closed && (rests || this.shown.inWorld || solid.widest < 2.5 * paths.widest)) { paths.add(solid.low); paths.add(solid.high); }
       this.centre = paths.middle;
       const [wide, high] = paths.sides.map((side) => Math.max(side, 1e-6));
       this.scale = this.fitted = 0.86 * Math.min(this.width / wide, (this.height - 20) / high);
@@ -576,6 +621,7 @@ const Drawing = (() => {
 
     draw() {
       if (!this.width) return;
+      this.placeModel();
       const g = this.begin(this.still);
       if (this.mesh) this.drawSolid(g); else { this.drawModel(g); this.drawPaths(g); }
       this.drawOffsets(g);
@@ -589,7 +635,7 @@ const Drawing = (() => {
     /** Draw what moves over what does not: hand and tools at this time. */
     move() {
       if (!this.width) return;
-      if (this.follow()) { this.draw(); return; }
+      if (this.placeModel() || this.follow()) { this.draw(); return; }
       const g = this.begin(this.canvas);
       g.save();
       g.setTransform(1, 0, 0, 1, 0, 0);  // pixel by pixel

@@ -11,11 +11,14 @@ from reports_synthetic import jump_tick, lobe_recording, synthetic_run, verdicts
 
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.world import pose_channels
 from hapticeval.reports.case_page import write_assets, write_case_page
 from hapticeval.reports.templates import case_file
+from hapticeval.stimulus.motions import Spin
 
 pytestmark = pytest.mark.browser
 READY = "document.documentElement.dataset.ready"
+TURNING = Spin(rate=0.25, centre=(0.3, 0.1))
 
 
 def round_a_sphere():
@@ -53,12 +56,15 @@ def pages(tmp_path_factory):
     )
     rest = ("synthetic", "rest")
     write_case_page(folder, [synthetic_run("rest", "plain", "sphere")], {"plain": resting}, verdicts={})
+    turned = Recording(plane.time, {**plane.channels, **pose_channels(TURNING.pose(plane.time))}, plane.meta)
+    moving = ("synthetic", "moving")
+    write_case_page(folder, [synthetic_run("moving", "plain", "cassinian")], {"plain": turned}, verdicts={})
     names = ["plain", "other", "third", "fourth", "fifth"]
     many, five = ("synthetic", "many"), [synthetic_run("many", name, "cassinian") for name in names]
     given = {name: verdicts("many", name, plane) for name in names}
     write_case_page(folder, five, dict.fromkeys(names, plane) | {"other": other}, verdicts=given)
     write_assets(folder)
-    cases = {"plane": lobe, "space": ball, "rest": rest, "many": many}
+    cases = {"plane": lobe, "space": ball, "rest": rest, "many": many, "moving": moving}
     return {name: folder / case_file(*case) for name, case in cases.items()}
 
 
@@ -334,3 +340,32 @@ def test_on_a_phone_the_values_are_whole(opened):
     assert all(box["right"] <= 390 and box["width"] > 0 for box in json.loads(cells))
     heading = "getComputedStyle(document.querySelector('.now td'), '::before').content"
     assert "IHIP" in browser.run(heading)
+
+
+HAND = (
+    "[...document.querySelectorAll('.now tbody td')][2].textContent.replaceAll('\\u2212', '-').split(', ').map(Number)"
+)
+"""Where the table of values has the hand, mm."""
+
+
+def test_of_a_body_that_moves_the_world_is_shown_and_by_a_button_the_body(opened):
+    browser = opened("moving")
+    recording = lobe_recording()
+    browser.page.locator(".track input").focus()
+    browser.page.keyboard.press("End")
+    last, pose = recording.hip[-1], TURNING.pose(recording.time[-1])
+    assert browser.run(HAND) == pytest.approx(list(1e3 * pose.to_world(last)), abs=0.01)
+    world = browser.run(PICTURE)
+    button = browser.page.get_by_title("hold the body still")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    body = browser.run(PICTURE)
+    assert body != world
+    assert browser.run(HAND) == pytest.approx(list(1e3 * last), abs=0.01)
+    button.click()
+    assert browser.run(HAND) == pytest.approx(list(1e3 * pose.to_world(last)), abs=0.01)
+    assert browser.run(PICTURE) != body
+
+
+def test_a_body_at_rest_has_no_such_button(opened):
+    assert opened("plane").page.get_by_title("hold the body still").count() == 0
