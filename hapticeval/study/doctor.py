@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.adapters.outside import Outside
+from hapticeval.diagnosis import diagnose, right_contact
 from hapticeval.discovery import resolve
 from hapticeval.errors import (
     HapticevalError,
@@ -53,6 +54,9 @@ LEAD_DEPTH, LEAD_STEP, LEAD_REST_TICKS = 1e-2, 1e-3, 20
 
 SIDES = 12
 """Points of a curve at which the hand is pressed in."""
+
+STROKES, STROKE_TICKS, STROKE_DEPTH = 6, 600, 0.1
+"""Half strokes of the hand in which a lag is looked for, three into the surface; their ticks, and depth in sizes."""
 
 TIMED_TICKS = 500
 """Ticks that are timed."""
@@ -450,8 +454,39 @@ def _check_non_finite(case: Case) -> StateAndText:
     return State.OK, f"a HIP that is missing {'is refused' if answer is None else 'gets no force'}"
 
 
+def _check_lag(case: Case) -> StateAndText:
+    """Check that force and IHIP are of the hand of now, and tell what else the diagnosis finds off in them."""
+    scene, path = case.scene, case.path
+    # Strokes into the surface and along it: without changes of the depth nothing is late.
+    turn = np.linspace(0.0, STROKES * np.pi, STROKE_TICKS)
+    along = np.roll(path.normal, 1) - path.normal * (np.roll(path.normal, 1) @ path.normal)
+    deeper, aside = STROKE_DEPTH * scene.model.size * np.array([-np.sin(turn), 0.5 * np.sin(0.4 * turn)])
+    hips = path.foot + deeper[:, np.newaxis] * path.normal + aside[:, np.newaxis] * along
+    # From outside, where a tool with this standoff is free.
+    hips += case.renderer.standoff * path.normal * (deeper > 0.0)[:, np.newaxis]
+    dt = scene.sampling_time
+    ihips, forces = _answers_along(case, hips, dt)
+    declared = case.renderer.declares
+    has_ihip = not (declared is not None and declared.force_only) and bool(np.any(ihips != hips))
+    contact = right_contact(
+        scene.model.boundary, np.arange(0.0, len(hips)) * dt, hips, path_velocities(hips, dt),
+        stiffness=scene.stiffness, damping=scene.damping,
+    )  # fmt: skip
+    tolerance = case.renderer.standoff + case.renderer.resolution
+    diagnosis = diagnose(contact, forces, ihips if has_ihip else None, tolerance=tolerance)
+    if not diagnosis.off:
+        return State.OK, "force and IHIP are of the hand of now"
+    if diagnosis.cause is None:
+        return State.NOTE, "its force is none of a spring to the surface, by nothing that is known; checks say where"
+    ticks = float(diagnosis.cause.numbers.get("ticks", 0.0))
+    if diagnosis.kind == "lag":
+        granted = f"; {LAG_TICKS} ticks are granted"
+        return (State.NOTE if ticks <= LAG_TICKS else State.MISSING), diagnosis.sentence + granted
+    return State.NOTE, diagnosis.sentence
+
+
 def _check_speed(case: Case) -> StateAndText:
-    """Check that a step takes less than the sampling time."""
+    """Check that a step takes less than the sampling time, in free space, at the entry and in contact."""
     dt, path = case.scene.sampling_time, case.path.hips
     # To and fro, each row an array of its own, which a step may change.
     hips = np.resize(path, (TIMED_TICKS, path.shape[1]))
@@ -466,10 +501,20 @@ def _check_speed(case: Case) -> StateAndText:
         answers.append(answer)
     for k, answer in enumerate(answers):
         check_answer(answer, k, hips[k])
-    usual, p99 = (float(np.percentile(spent, share)) for share in (50, 99))
-    step, slow_step, tick = format_duration(usual), format_duration(p99), format_duration(dt)
-    words = f"{step} a step, 99 % in {slow_step}, through Python; a tick has {tick}"
-    return (State.OK, words) if usual < dt else (State.MISSING, f"{words}: too slow for a robot, not for verdicts")
+    inside = case.scene.model.boundary.signed_distance(hips) < 0.0
+    entry = inside & ~np.roll(inside, 1)
+    seconds = np.array(spent)
+    parts, usual = [], []
+    for phase, rows in (("free space", ~inside), ("entry", entry), ("contact", inside & ~entry)):
+        if rows.any():
+            usual.append(float(np.median(seconds[rows])))
+            parts.append(f"{format_duration(usual[-1])} in {phase}")
+    # A quantile of so many ticks: one in a hundred that is over a tick is felt.
+    slow = float(np.percentile(seconds, 99))
+    words = f"{', '.join(parts)}; 99 % in {format_duration(slow)}, through Python; a tick has {format_duration(dt)}"
+    if max(usual) >= dt:
+        return State.MISSING, f"{words}: too slow for a robot, not for verdicts"
+    return (State.OK, words) if slow < dt else (State.NOTE, f"{words}: one step in a hundred is too slow for a robot")
 
 
 def _check_bilateral(case: Case) -> StateAndText:
@@ -490,6 +535,7 @@ QUESTIONS: Mapping[str, Callable[..., StateAndText]] = MappingProxyType(
         "law": _check_law,
         "non-finite": _check_non_finite,
         "bilateral": _check_bilateral,
+        "lag": _check_lag,
         "speed": _check_speed,
     }
 )

@@ -81,6 +81,33 @@ class Wears(Good):
         ihip, force = super().step(hip, velocity, dt)
         return ihip, force * (1.0 + self.worn)
 
+class Late(Good):
+    ticks = 12
+    def reset(self, hip):
+        super().reset(hip)
+        self.past = []
+    def step(self, hip, velocity, dt):
+        self.past.append(super().step(hip, velocity, dt))
+        return self.past[max(0, len(self.past) - 1 - self.ticks)]
+
+class LittleLate(Late):
+    ticks = 2
+
+class Drags(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        if force.any():
+            out = force / np.linalg.norm(force)
+            force = force - 2.0 * (velocity - (velocity @ out) * out)
+        return ihip, force
+
+class SlowInContact(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        if force.any():
+            time.sleep(0.0015)
+        return ihip, force
+
 class Blind(Good):
     def step(self, hip, velocity, dt):
         return super().step(np.nan_to_num(hip), velocity, dt)
@@ -218,7 +245,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Passes", {"non-finite": "missing"}),
         ("Locks", {"non-finite": "missing"}),
         ("Other", {"law": "missing"}),
-        ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
+        ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "lag", "speed"), "broke")),
+        ("Late", {"free space": "missing", "leaving": "missing", "lag": "missing"}),
         ("Property", {"made": "broke"}),
         ("Ball", {}),
         ("Balloon", {"contact": "missing"}),
@@ -270,6 +298,10 @@ def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
         ("Millimetres", "contact", State.MISSING, "points are in m, not in mm"),
         ("Shifts", "free space", State.MISSING, "step() changes the hip that it is given: change a copy"),
         ("Soft", "contact", State.NOTE, "a factor of 1000"),
+        ("Late", "lag", State.MISSING, "the force comes 12 ms late (12 ticks)"),
+        ("LittleLate", "lag", State.NOTE, "2 ms late (2 ticks); 3 ticks are granted"),
+        ("Drags", "lag", State.NOTE, "it drags along the surface, by 2 N s/m"),
+        ("SlowInContact", "speed", State.MISSING, "ms in contact; 99 % in "),
         ("Balloon", "contact", State.MISSING, "declares a standoff of 10 mm, of which"),
         ("Pulls", "reset inside", State.MISSING, "turn its sign"),
     ],
@@ -284,7 +316,7 @@ def test_a_unit_a_sign_or_a_changed_argument_is_named(
 
 def test_one_cause_is_reported_once(here: Path) -> None:
     texts = [each.text for each in examine("patients:Dies", patience=ANSWER_SECONDS) if each.state is State.BROKE]
-    assert texts == ["it ends the process that it runs in: exit code 7"] + ["as at 'contact' in the plane"] * 11
+    assert texts == ["it ends the process that it runs in: exit code 7"] + ["as at 'contact' in the plane"] * 13
 
 
 @pytest.mark.parametrize("name", ["constraint", "minimum-distance"])
@@ -353,7 +385,7 @@ def test_numbers_that_become_none_while_it_is_timed_are_seen(here: Path) -> None
     broke = [
         finding for finding in examine("patients:WearsOut", patience=ANSWER_SECONDS) if finding.state is State.BROKE
     ]
-    assert [finding.what for finding in broke] == ["speed", "speed"]
+    assert [finding.what for finding in broke] == ["lag", "speed"] * 2
     assert "not finite" in broke[0].text
 
 
