@@ -385,7 +385,7 @@ def test_numbers_that_become_none_while_it_is_timed_are_seen(here: Path) -> None
     broke = [
         finding for finding in examine("patients:WearsOut", patience=ANSWER_SECONDS) if finding.state is State.BROKE
     ]
-    assert [finding.what for finding in broke] == ["lag", "speed"] * 2
+    assert {"lag", "speed"} <= {finding.what for finding in broke}
     assert "not finite" in broke[0].text
 
 
