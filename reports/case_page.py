@@ -278,9 +278,14 @@ def write_case_page(
 
 
 def write_view(
-    folder: Path, entry: RunEntry, recording: Recording, verdicts: Sequence[VerdictEntry], *, note: str = ""
+    folder: Path,
+    entries: Sequence[RunEntry],
+    recordings: Mapping[str, Recording],
+    *,
+    verdicts: Mapping[str, Sequence[VerdictEntry]],
+    note: str = "",
 ) -> Path:
-    """Write one recorded run as `folder`/index.html, with all that the page needs beside it, and return its path.
+    """Write recorded runs on one model as `folder`/index.html, with all that the page needs, and return its path.
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
@@ -291,9 +296,9 @@ def write_view(
             why="files that hapticeval did not write are never overwritten",
             todo="name a new or an empty folder with -o",
         )
-    section = case_section([entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
+    section = case_section(entries, recordings, verdicts=verdicts, note=note)
     write_assets(folder)
-    _write_page(folder / INDEX, section, entry, Neighbours(), "", mark=VIEW_MARK)
+    _write_page(folder / INDEX, section, entries[0], Neighbours(), "", mark=VIEW_MARK)
     return folder / INDEX
 
 

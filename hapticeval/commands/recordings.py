@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hapticeval.recordings.integrity.consistency import ConsistencyTest
     from hapticeval.recordings.overlay import Overlay
     from hapticeval.recordings.recording import Recording
+    from hapticeval.replay.viewing import Viewed
     from hapticeval.runner.results import VerdictEntry
 
 
@@ -269,6 +270,7 @@ Exit codes:
 
 def view(
     file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
+    other: Annotated[Path | None, argument(metavar="OTHER", help="Another run on the same model, over it.")] = None,
     model: TouchedModel = None,
     suite_case: SuiteCase = None,
     scene: SceneEntries = None,
@@ -282,36 +284,82 @@ def view(
     """Show a recording in a page: the hand and the tool on the model, force and motion against time.
 
     What the recording says of its scene decides what is judged; without a model or a stiffness it is shown alone. One
-    of one dimension is shown before its wall. The page needs no network.
+    of one dimension is shown before its wall. With a second one both are laid over each other, with the verdicts of
+    both. The page needs no network.
 
     \b
     Examples:
       hapticeval view run7.h5
+      hapticeval view run6.h5 run7.h5
       hapticeval view log.mat --mapping rig.toml --scene stiffness=2000
       hapticeval view signal.svc --mapping handwriting.toml --model circle
     """
-    from hapticeval.replay.viewing import view_recording
     from hapticeval.reports.case_page import write_view
 
-    directory = directory or Path(f"view-{file_stem(file.stem)}")
-    recording = load_within(memory_limit, file, mapping, format_)
-    named = None if model is None else _touched_model(recording, model)
-    # Judged where model and stiffness are known, shown alone where they are not.
-    viewed_run = view_recording(
-        file, recording, suite_case=suite_case, scene=scene or (),
-        model=None if named is None else named.table,
-    )  # fmt: skip
-    # With the reason where nothing was judged.
-    page = write_view(directory, viewed_run.entry, viewed_run.recording, viewed_run.verdicts, note=viewed_run.unjudged)
-    say(
-        lines(
-            [
-                *(f"suspicious: {finding}" for finding in viewed_run.suspicious),
-                *filter(None, [viewed_run.unjudged]),
-                f"wrote {page}",
-            ]
-        )
+    files = [file] if other is None else [file, other]
+    directory = directory or Path("-".join(["view", *(file_stem(one.stem) for one in files)]))
+    recordings = _load_all(files, memory_limit, mapping, format_)
+    runs = _viewed_runs(files, recordings, model=model, suite_case=suite_case, scene=scene)
+    if other is not None:
+        _require_one_model(runs)
+        # On one page each goes by its file's name.
+        runs = [run.called(title) for run, title in zip(runs, _titles(files), strict=True)]
+    reasons = list(dict.fromkeys(run.unjudged for run in runs if run.unjudged))
+    page = write_view(
+        directory,
+        [run.entry for run in runs],
+        {run.entry.renderer: run.recording for run in runs},
+        verdicts={run.entry.renderer: run.verdicts for run in runs},
+        note=" ".join(reasons),
     )
+    suspicions = [f"suspicious: {finding}" for run in runs for finding in run.suspicious]
+    say(lines([*suspicions, *reasons, f"wrote {page}"]))
+
+
+def _load_all(files: Sequence[Path], limit: float, mapping: Path | None, format_: str | None) -> list[Recording]:
+    """Return the recordings of files; a mapping and a format are for those that are not ours."""
+    from hapticeval.recordings.importing.convert import is_ours
+
+    if len(files) == 1:
+        return [load_within(limit, files[0], mapping, format_)]
+    return [load_within(limit, file, *((None, None) if is_ours(file) else (mapping, format_))) for file in files]
+
+
+def _titles(files: Sequence[Path]) -> list[str]:
+    """Return what files are called: by their stems, where these tell them apart."""
+    stems = [file.stem for file in files]
+    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+
+
+def _viewed_runs(
+    files: Sequence[Path],
+    recordings: Sequence[Recording],
+    *,
+    model: str | None,
+    suite_case: str | None = None,
+    scene: Sequence[str] | None,
+) -> list[Viewed]:
+    """Return runs as they were recorded, judged where model and stiffness are known."""
+    from hapticeval.replay.viewing import view_recording
+
+    models = [None if model is None else _touched_model(recording, model) for recording in recordings]
+    return [
+        view_recording(
+            file, recording, suite_case=suite_case, scene=scene or (), model=None if touched is None else touched.table
+        )
+        for file, recording, touched in zip(files, recordings, models, strict=True)
+    ]
+
+
+def _require_one_model(runs: Sequence[Viewed]) -> None:
+    """Raise `InputError` where two runs are not on one model: a page draws both on it."""
+    tables = [dict(run.entry.model) for run in runs]
+    if tables[0] != tables[1]:
+        raise InputError(
+            "the two recordings are not on the same model",
+            why=f"one page draws both on it; the first names {tables[0]}, the second {tables[1]}",
+            todo="name that of both, as in --model circle:size=0.2; or view each by itself",
+        )
 
 
 CHANNEL_WORDS = {"hip": "hand", "ihip": "tool", "force": "force"}
@@ -351,9 +399,7 @@ def compare(
       hapticeval compare a.csv b.csv --mapping rig.toml --model circle:size=0.2 --scene stiffness=1000
     """
     from hapticeval.commands.paper import FIGURE_ENDINGS
-    from hapticeval.recordings.importing.convert import is_ours
     from hapticeval.recordings.overlay import overlay
-    from hapticeval.replay.viewing import view_recording
     from hapticeval.reports.overlay_figure import write_overlay
 
     if over not in ("time", "way"):
@@ -362,22 +408,18 @@ def compare(
         why = f"a figure is {', '.join(FIGURE_ENDINGS)}"
         raise InputError(f"-o {output}", why=why, todo="name a file with such an ending")
     files = (first, second)
-    recordings = [load_within(memory_limit, file, None if is_ours(file) else mapping, None) for file in files]
+    recordings = _load_all(files, memory_limit, mapping, None)
     laid = overlay(recordings[0], recordings[1], curve=_shared_curve(recordings, model) if over == "way" else None)
-    titles = [str(file) for file in files] if first.stem == second.stem else [file.stem for file in files]
-    models = [None if model is None else _touched_model(recording, model) for recording in recordings]
-    judged = [
-        view_recording(file, recording, scene=scene or (), model=None if touched is None else touched.table)
-        for file, recording, touched in zip(files, recordings, models, strict=True)
-        if "hip" in recording.channels
-    ]
+    titles = _titles(files)
+    shown = "hip" in laid.gaps
+    judged = _viewed_runs(files, recordings, model=model, scene=scene) if shown else []
     verdicts = [{verdict.check: verdict for verdict in run.verdicts} for run in judged]
     rows = [
         [check, *(_verdict_words(of_run.get(check)) for of_run in verdicts)]
         for check in dict.fromkeys(check for of_run in verdicts for check in of_run)
         if any(check in of_run and of_run[check].outcome != "not-applicable" for of_run in verdicts)
     ]
-    table = WordTable("verdicts", ("verdict", *titles), rows).markdown if rows and len(judged) == len(titles) else ""
+    table = WordTable("verdicts", ("verdict", *titles), rows).markdown if rows else ""
     reasons = [f"{run.entry.title}: {run.unjudged}" for run in judged if run.unjudged]
     written = [] if output is None else write_overlay(output, laid, titles)
     say(paragraphs(_overlay_words(laid, titles), table, lines(reasons), wrote_lines(written)))

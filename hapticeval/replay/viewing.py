@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,11 @@ class Viewed:
     verdicts: tuple[VerdictEntry, ...]
     suspicious: tuple[str, ...] = ()
     unjudged: str = ""
+
+    def called(self, name: str) -> Viewed:
+        """Return the run under another name than `recorded`, which tells it from another on one page."""
+        renamed = (msgspec.structs.replace(verdict, renderer=name) for verdict in self.verdicts)
+        return replace(self, entry=msgspec.structs.replace(self.entry, renderer=name), verdicts=tuple(renamed))
 
 
 def view_recording(

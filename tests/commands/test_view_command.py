@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,32 @@ def test_a_model_of_another_dimension_is_refused(here, capsys):
     write_recording(here / "run.h5", pressing(2))
     assert main(["view", "run.h5", "--model", "sphere"]) == 2
     assert "the recording is in 2D" in capsys.readouterr().err
+
+
+def test_two_recordings_lie_on_one_page_with_the_verdicts_of_both(here, capsys):
+    write_recording(here / "a.h5", pressing(2))
+    # The tool stands still: its contact point is not under the hand.
+    still = pressing(2)
+    channels = {**still.channels, "ihip": np.where(still.channels["ihip"] > 0.0, still.channels["ihip"], 0.0)}
+    channels["ihip"][:, 0] = 0.0
+    softer = {"gains": {"stiffness": 500.0, "damping": 0.0}}
+    write_recording(here / "b.h5", Recording(still.time, channels, {**META, **softer}))
+    assert main(["view", "a.h5", "b.h5", "--model", "line"]) == 0
+    assert (here / "view-a-b" / "index.html").is_file()
+    text = written_page(capsys)
+    for run in ("a", "b"):
+        assert f'id="{run}/contact-normal-force"' in text
+        assert f"<code>{run}.h5</code>" in text
+    assert "recorded/" not in text
+    assert re.search(r"b: [^.]*500 N/m", text)
+
+
+def test_two_recordings_on_different_models_are_not_laid_over_each_other(here, capsys):
+    write_recording(here / "a.h5", pressing(2, model={"kind": "line"}))
+    write_recording(here / "b.h5", pressing(2, model={"kind": "circle", "size": 0.2}))
+    assert main(["view", "a.h5", "b.h5"]) == 2
+    assert "the two recordings are not on the same model" in capsys.readouterr().err
+    assert not (here / "view-a-b").exists()
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data beside the repository")

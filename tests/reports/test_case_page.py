@@ -472,17 +472,19 @@ def test_without_script_a_page_names_the_command_that_draws(folder):
 
 def test_a_view_is_never_written_over_other_files(refused, tmp_path):
     entry = changed(run_entry(model={"kind": "unknown"}), scene=SCENE, judged=False)
-    page = write_view(tmp_path / "view", entry, tip_recording(), [], note="Not judged.")
+    runs = {entry.renderer: tip_recording()}
+    page = write_view(tmp_path / "view", [entry], runs, verdicts={}, note="Not judged.")
     assert "Not judged." in page.read_text(encoding="utf-8")
-    write_view(tmp_path / "view", entry, tip_recording(), [])
+    write_view(tmp_path / "view", [entry], runs, verdicts={})
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     with refused(InputError):
-        write_view(tmp_path / "mine", entry, tip_recording(), [])
+        write_view(tmp_path / "mine", [entry], runs, verdicts={})
 
 
 def test_a_site_or_a_report_is_no_earlier_view(folder, tmp_path):
     entry = changed(run_entry(model={"kind": "unknown"}), scene=SCENE, judged=False)
+    runs = {entry.renderer: tip_recording()}
     write_reports(folder, workers=0)
     case_page = next((folder / "report" / "cases").rglob("*.html")).parent
     (tmp_path / "site" / "assets").mkdir(parents=True)
@@ -491,7 +493,7 @@ def test_a_site_or_a_report_is_no_earlier_view(folder, tmp_path):
     for place in (folder / "report", case_page, tmp_path / "site", tmp_path / "file"):
         before = {file: file.read_bytes() for file in place.rglob("*") if file.is_file()}
         with pytest.raises(InputError):
-            write_view(place, entry, tip_recording(), [])
+            write_view(place, [entry], runs, verdicts={})
         assert {file: file.read_bytes() for file in place.rglob("*") if file.is_file()} == before
 
 
