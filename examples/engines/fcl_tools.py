@@ -23,7 +23,7 @@ RADIUS = 1e-4
 class Triangles:
     """The deepest contact of a ball at the hand with the model's triangles, and a spring."""
 
-    supports = frozenset({"space"})
+    supports = frozenset({"moving", "space"})
 
     def __init__(self, scene: Scene) -> None:
         self.stiffness = scene.stiffness
@@ -42,6 +42,10 @@ class Triangles:
         soup.addSubModel(vertices, cells)
         soup.endModel()
         return soup
+
+    def place(self, rotation: np.ndarray, translation: np.ndarray) -> None:
+        """Take the pose of the model, (3, 3) and (3,), m."""
+        self.solid.setTransform(fcl.Transform(rotation, translation))
 
     def reset(self, hip: np.ndarray) -> None:
         """Start a run: nothing is remembered."""
@@ -87,7 +91,7 @@ class Coupled(Convex):
 
     def reset(self, hip: np.ndarray) -> None:
         """Start a run with the tool at the hand; the first step, at the same time, says how fast both move."""
-        self.hand, self.place, self.speed, self.contact = hip.copy(), hip.copy(), None, False
+        self.hand, self.position, self.speed, self.contact = hip.copy(), hip.copy(), None, False
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
         """Move the tool for a tick, damper implicit; return where it is (3,), m, and the coupling's force (3,), N."""
@@ -95,14 +99,14 @@ class Coupled(Convex):
             raise ValueError("the hand's position is missing")
         if self.speed is None:  # no time has passed since the reset
             self.speed = velocity.copy()
-            return self.place, np.zeros(3)
-        out = self.escape(self.place)
+            return self.position, np.zeros(3)
+        out = self.escape(self.position)
         self.contact = bool(out.any())
         # Hand and tool as both are at the tick's start: else the tool would run ahead of the hand by a tick.
-        pull = self.stiffness * (self.hand - self.place) + self.damping * velocity + 10.0 * self.stiffness * out
+        pull = self.stiffness * (self.hand - self.position) + self.damping * velocity + 10.0 * self.stiffness * out
         self.speed = (self.mass * self.speed + dt * pull) / (self.mass + dt * self.damping)
-        self.hand, self.place = hip.copy(), self.place + dt * self.speed
-        return self.place, self.stiffness * (self.place - hip) + self.damping * (self.speed - velocity)
+        self.hand, self.position = hip.copy(), self.position + dt * self.speed
+        return self.position, self.stiffness * (self.position - hip) + self.damping * (self.speed - velocity)
 
 
 class OtherSolver(Convex):

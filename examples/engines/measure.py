@@ -10,6 +10,7 @@ import csv
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -19,8 +20,12 @@ from hapticeval.discovery import resolve
 from hapticeval.examples.engines.causes import CAUSES
 from hapticeval.examples.studies.field_tables import count_lines
 from hapticeval.examples.studies.plates import holds, narrow_border
-from hapticeval.renderer import RendererFactory
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.renderer import AtRest, RendererFactory
+from hapticeval.runner.judging import judge
 from hapticeval.runner.results import VerdictEntry
+from hapticeval.scene import Scene
+from hapticeval.suite.reading import load_suite
 
 HARD_CASES = "hard-cases"
 """The group of suites in which a setting is tried where a column fails, and nowhere else: their models are large."""
@@ -189,6 +194,48 @@ def plate_lines() -> list[str]:
     return lines
 
 
+MOVING_WORDS = """\
+## Bodies that move
+
+The cases in space of the suite `moving`: how many verdicts of level must pass, of how many, where the engine itself
+moves the model: MuJoCo a mocap body, FCL a transform. Beside it the same with the model at rest in the engine and the
+hand taken into its frame (`hapticeval.AtRest`). What passes at rest alone is lost by the motion."""
+
+
+def at_rest_in(factory: RendererFactory) -> RendererFactory:
+    """Return the factory of an engine that never moves the model: the hand is taken into the frame of the body."""
+
+    def make(scene: Scene) -> AtRest:
+        return AtRest(factory(replace(scene, motion=None)))
+
+    return make
+
+
+def moving_lines() -> list[str]:
+    """Return the table of bodies that move: a line for each column of the page, a cell for each case in space."""
+    cases = [case for case in load_suite("moving").cases if case.build_scene().model.dimension == 3]
+    heads = ["", *(case.name for case in cases), "lost by the motion"]
+    lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
+    for title, name in COLUMNS.items():
+        cells, lost = [], []
+        for case in cases:
+            factory = resolve(name)
+            passed = [
+                {
+                    verdict.check: verdict.outcome is Outcome.PASS
+                    for verdict in judge(made, title, "moving", case).verdicts
+                    if verdict.level is Level.MUST and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
+                }
+                for made in (factory, at_rest_in(factory))
+            ]
+            counts = [f"{sum(checks.values())}/{len(checks)}" if checks else "-" for checks in passed]
+            cells.append(counts[0] if not passed[0] else f"{counts[0]}, at rest {counts[1]}")
+            moves, rests = passed
+            lost += [f"`{check}` in {case.name}" for check, passes in rests.items() if passes and not moves.get(check)]
+        lines.append(f"| `{title}` | {' | '.join(cells)} | {'; '.join(lost) or 'nothing'} |")
+    return lines
+
+
 def title_of(entry: VerdictEntry) -> str:
     """Return the column of a verdict."""
     return next(title for title, name in (COLUMNS | SETTINGS).items() if name == entry.renderer)
@@ -248,8 +295,13 @@ def failure_line(
     return f"| {' | '.join(cells)} |"
 
 
-def page(entries: Sequence[VerdictEntry], plates: Sequence[str], smallest: Mapping[tuple[str, str], Smallest]) -> str:
-    """Return the page of the verdicts of a run, with the lines of the table of plates, and the smallest paths."""
+def page(
+    entries: Sequence[VerdictEntry],
+    plates: Sequence[str],
+    moving: Sequence[str],
+    smallest: Mapping[tuple[str, str], Smallest],
+) -> str:
+    """Return the page of the verdicts of a run, with plates, bodies that move, and smallest paths."""
     asked = [entry for entry in entries if entry.level in ("must", "should")]
     of_columns = [entry for entry in asked if title_of(entry) in COLUMNS]
     by_check: dict[str, list[VerdictEntry]] = {}
@@ -269,7 +321,7 @@ def page(entries: Sequence[VerdictEntry], plates: Sequence[str], smallest: Mappi
     of_settings = [entry for entry in asked if title_of(entry) in SETTINGS and not is_hard(entry)]
     if of_settings:
         lines += ["", SETTINGS_WORDS, "", *count_lines(of_settings, SETTINGS)]
-    lines += ["", CHANGES, "", PLATES_WORDS, "", *plates, "", FACTS, "", FAILURES_WORDS]
+    lines += ["", CHANGES, "", PLATES_WORDS, "", *plates, "", FACTS, "", MOVING_WORDS, "", *moving, "", FAILURES_WORDS]
     for column in COLUMNS:
         failing = dict.fromkeys(entry.check for entry in asked if title_of(entry) == column and entry.outcome == "fail")
         heads = ["check", "fails", "the worst", "the smallest path", "its cause", "tried, and how many of these pass"]
@@ -288,4 +340,4 @@ if __name__ == "__main__":
     for setting, name in SETTINGS.items():
         if places := failing_places(verdicts, setting):
             verdicts += hapticeval.run(name, suites=HARD_CASES, select=places, workers=1).verdicts
-    PAGE.write_text(page(verdicts, plate_lines(), read_smallest()), encoding="utf-8")
+    PAGE.write_text(page(verdicts, plate_lines(), moving_lines(), read_smallest()), encoding="utf-8")

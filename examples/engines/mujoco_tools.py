@@ -33,6 +33,8 @@ def load(scene: Scene, solids: Sequence[tuple[np.ndarray, np.ndarray]], solref: 
         faces = " ".join(str(corner) for corner in cells.ravel())
         assets += f'<mesh name="solid{number}" inertia="shell" vertex="{corners}" face="{faces}"/>'
         geoms += f'<geom type="mesh" mesh="solid{number}" solref="{solref}" condim="1"/>'
+    if scene.motion is not None:  # a body that moves as it is told to is MuJoCo's mocap body
+        geoms = f'<body mocap="true">{geoms}</body>'
     axes = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option gravity="0 0 0" timestep="{scene.sampling_time}"/>
@@ -43,10 +45,20 @@ def load(scene: Scene, solids: Sequence[tuple[np.ndarray, np.ndarray]], solref: 
     )
 
 
-class Query:
-    """The depth and normal that MuJoCo gives at the hand, and a spring."""
+class Placed:
+    """What places the model's body, where that moves: its pose is the mocap body's."""
 
-    supports = frozenset({"space"})
+    supports = frozenset({"moving", "space"})
+    state: Any
+
+    def place(self, rotation: np.ndarray, translation: np.ndarray) -> None:
+        """Take the pose of the model, (3, 3) and (3,), m."""
+        self.state.mocap_pos[0] = translation
+        mujoco.mju_mat2Quat(self.state.mocap_quat[0], rotation.ravel())
+
+
+class Query(Placed):
+    """The depth and normal that MuJoCo gives at the hand, and a spring."""
 
     def __init__(self, scene: Scene) -> None:
         self.stiffness = scene.stiffness
@@ -80,10 +92,9 @@ class Query:
         return hip + out, self.stiffness * out
 
 
-class Coupled:
+class Coupled(Placed):
     """A ball of the scene's mass that MuJoCo moves; the hand holds it by the scene's spring, critically damped."""
 
-    supports = frozenset({"space"})
     solref, contact, substeps = "0.02 1", False, 1
 
     def __init__(self, scene: Scene) -> None:
@@ -96,7 +107,7 @@ class Coupled:
 
     def reset(self, hip: np.ndarray) -> None:
         """Start a run with the tool at the hand; the first step, at the same time, says how fast both move."""
-        mujoco.mj_resetData(self.world, self.state)
+        mujoco.mj_resetData(self.world, self.state)  # the body is placed again before the first step
         self.state.qpos[:] = hip
         self.hand, self.begins, self.contact = hip.copy(), True, False
 

@@ -21,12 +21,14 @@ from hapticeval.examples.engines.measure import (
     COLUMNS,
     SETTINGS,
     Smallest,
+    at_rest_in,
     failing_places,
     failure_line,
     largest_push,
     page,
 )
 
+MOVING = {case.name: case for case in load_suite("moving").cases}
 CASES = {case.name: case for case in load_suite("solids").cases}
 CUBE = Scene(model=make_model("box", x=0.1, y=0.1, z=0.1))
 
@@ -134,7 +136,7 @@ def test_the_page_counts_what_it_is_given_shows_the_worst_and_says_what_was_trie
         verdict("mujoco-stiff", "pass", 1.0), verdict("mujoco-stiff", "fail", -2.0, "edge"),
         verdict("fine", "fail", -1.0), verdict("fine", "pass", 1.0, "edge"), verdict("shown", "fail", -1.0),
     ]  # fmt: skip
-    text = page(entries, ["| plates |"], {})
+    text = page(entries, ["| plates |"], ["| moving |"], {})
     assert "3 cases of the suites `solids`: 5 verdicts" in text
     assert "| [passivity](checks/passivity.md) | - | 1/3 | 1/2 | - | - | - |" in text
     assert "| plates |" in text
@@ -170,5 +172,18 @@ def test_of_the_hard_cases_a_setting_is_tried_where_a_column_fails():
     assert failing_places(entries, "fcl-shown") == []
     tried = [*entries, verdict("fine", "pass", 1.0, "needle", suite=hard), verdict("fine", "fail", -1.0, "cube")]
     assert "in part: `fine` 1/2 |" in failure_line("mujoco-stiff", "passivity", tried, {})
-    of_settings = page(tried, [], {}).partition("without the hard cases")[2]
+    of_settings = page(tried, [], [], {}).partition("without the hard cases")[2]
     assert "| [passivity](checks/passivity.md) | - | - | 0/1 | - | - | - |" in of_settings, "by the cube alone"
+
+
+@pytest.mark.parametrize("title", ["mujoco-query", "mujoco-coupled", "fcl-convex", "fcl-coupled"])
+def test_an_engine_moves_the_model_where_a_hand_at_rest_meets_it(title):
+    factory, case = resolve(COLUMNS[title]), MOVING["cube-corners-pass"]
+    moved, still = (judge(made, title, "moving", case) for made in (factory, at_rest_in(factory)))
+    assert moved.error is None
+    assert moved.recording is not None
+    assert still.recording is not None
+    # a query has no memory: where the engine moves the model or the hand is no difference
+    if title in ("mujoco-query", "fcl-convex"):
+        assert moved.recording.ihip == pytest.approx(still.recording.ihip, abs=1e-6)
+    assert np.linalg.norm(moved.recording.force, axis=1).max() > 1.0
