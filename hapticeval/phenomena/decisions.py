@@ -458,6 +458,10 @@ ANSWER_CHANGE = 1e-9
 """Share of the model's size by which an answer may change beside what rounding of the hand changes. *Chosen*: seven
 digits of the usual IHIP step of 0.1 mm at 200 mm are left. Doubled, 0.4 nm are granted."""
 
+FEWEST_DIGITS = 6.0
+"""Digits without which nothing is certified, though what is declared explains why they are lost. *Chosen*: single
+precision keeps seven, and a rounding is left. Doubled, nothing passes whose hand is 1,000 km from the origin."""
+
 MOVED_TURN, MOVED_SHIFT = 0.7, (1.3, -0.7, 0.9)
 """Angle, rad, by which the scene is turned, and shares of its size by which it is shifted. *Chosen*: no axis falls on
 another, and all coordinates change their digits. Doubled, its coordinates are up to twice as large."""

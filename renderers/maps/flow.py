@@ -259,6 +259,14 @@ def line_starts(model: Model, lines: int) -> Array:
 def _recorded_levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
     """Run a flow to its end, and yield its levels: time, length (m), area (m^2) and points (n, 2), m."""
     area_at_start = front.area
+    if not area_at_start > 0.0:
+        x, y = front.model.curve.position(np.zeros(1))[0]
+        raise FlowCollapseError(
+            f"the flow of model '{front.model.name}' begins with no inside",
+            position=(float(x), float(y)),
+            time=front.time,
+            why=f"it is thinner than a cell of the grid that holds its front, {1e3 * front.h:.3g} mm",
+        )
     yield front.time, front.length, front.area, front.points.copy()
     roundest, level = front.roundness, 1
     while front.length >= 2.0 * math.pi * LAST_RADIUS_CELLS * front.h:

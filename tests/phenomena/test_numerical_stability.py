@@ -17,6 +17,7 @@ from hapticeval.documents import convert
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.catalogue import line, make_model
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.decisions import FEWEST_DIGITS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
@@ -120,11 +121,16 @@ def test_a_hand_that_was_far_away_excuses_no_digit():
         ("minimum-distance", "offset-1e9-m", "within the rounding of "),
     ],
 )
-def test_a_pass_that_keeps_few_digits_names_its_excuse(renderer, case, why):
+def test_fewer_than_six_digits_are_no_pass_and_few_name_their_excuse(renderer, case, why):
     (case,) = (each for each in load_suite("hard-cases-places").cases if each.name == case)
     (verdict,) = judge(resolve(renderer), renderer, "s", replace(case, checks=[CHECK])).verdicts
-    assert verdict.outcome is Outcome.PASS
     assert verdict.finding.evidence["digits"] < 9.0
+    assert verdict.finding.metric.unit == "digits"
+    if verdict.finding.evidence["digits"] < FEWEST_DIGITS:
+        assert verdict.outcome is Outcome.INCONCLUSIVE
+        assert verdict.finding.message.startswith("undecided, ")
+    else:
+        assert verdict.outcome is Outcome.PASS
     assert why in verdict.finding.message
 
 

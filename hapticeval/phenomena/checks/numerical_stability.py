@@ -11,6 +11,7 @@ from hapticeval.phenomena.check import Check, Runs, required
 from hapticeval.phenomena.decisions import (
     AMPLIFIED_FACTOR,
     ANSWER_CHANGE,
+    FEWEST_DIGITS,
     HAND_ROUNDING,
     MOVED_SCALE,
     MOVED_SHIFT,
@@ -27,7 +28,8 @@ from hapticeval.phenomena.measures.restated import (
 )
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import digits_kept, mm, worst_row
-from hapticeval.phenomena.verdict import Finding, Level, compared, not_applicable, undecided
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, not_applicable, undecided
+from hapticeval.quantity import plural
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -94,25 +96,34 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     excuse = ""
     if clear[least_digits] and change[least_digits] > ANSWER_CHANGE * size:
         excuse = _describe_excuse(float(change[least_digits]), float(hand), float(declared), float(steep[least_digits]))
-    return compared(
-        CHECK.measured(excess.max()),
-        ANSWER_CHANGE,
-        {
-            **base.evidence_at(worst),
-            "digits": digits,
-            "off_m": float(change[worst]),
-            "rounding_m": float(hand),
-            "declared_m": float(declared),
-            "motion": motion_name,
-            "motions": [name for name, *_ in answering_runs],
-            "rows_in_contact": int(contact.sum()),
-            "rows_exempt": int((contact & ~clear).sum()),
-        },
-        passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
-        f"{_words_listed([name for name, *_ in answering_runs])}{excuse}",
-        fails=f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
+    evidence = {
+        **base.evidence_at(worst),
+        "digits": digits,
+        "off_m": float(change[worst]),
+        "rounding_m": float(hand),
+        "declared_m": float(declared),
+        "motion": motion_name,
+        "motions": [name for name, *_ in answering_runs],
+        "rows_in_contact": int(contact.sum()),
+        "rows_exempt": int((contact & ~clear).sum()),
+    }
+    how = f"when the scene is {_words_listed([name for name, *_ in answering_runs])}{excuse}"
+    if excess.max() <= ANSWER_CHANGE:
+        # Whole ones, up to those of the bound: beyond, rounding decides, and another machine has others.
+        whole = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
+        metric = Metric("digits of the answer that hold", float(whole), "digits")
+        if digits < FEWEST_DIGITS:
+            # What is declared explains the rest, and so nothing is certified.
+            return undecided(f"undecided, {plural(whole, 'digit')}: so many hold {how}", metric, evidence=evidence)
+        return Finding(Outcome.PASS, f"the answers keep {math.floor(digits)} digits {how}", metric, evidence=evidence)
+    return Finding(
+        Outcome.FAIL,
+        f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
         f"the model's size, at {base.time_and_hip(worst)}: "
         f"{math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
+        CHECK.measured(excess.max()),
+        ANSWER_CHANGE,
+        evidence,
     )
 
 

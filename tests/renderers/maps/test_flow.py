@@ -194,6 +194,13 @@ def test_a_long_body_collapses(refused, model):
     assert caught.value.position == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
+@pytest.mark.parametrize("tip_angle", [0.1, 0.01, 0.001])
+def test_a_model_that_is_thinner_than_a_cell_has_no_flow(refused, tip_angle):
+    with refused(FlowCollapseError) as caught:
+        run_flow(star(tip_angle=tip_angle), SMALL)
+    assert "begins with no inside" in str(caught.value)
+
+
 def test_a_flow_error_crosses_processes():
     error = pickle.loads(pickle.dumps(FlowSplitError("x", position=(1.0, 2.0), time=0.5, why="y")))
     assert isinstance(error, FlowError)
