@@ -10,6 +10,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.formats import Table
 from hapticeval.recordings.importing.convert import convert
 from hapticeval.recordings.importing.mapping import parse_mapping
+from hapticeval.recordings.integrity.relations import copies
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.world import in_world, pose_channels
 from hapticeval.stimulus.motions import Spin
@@ -83,6 +84,11 @@ def test_a_pose_that_is_missing_leaves_out_its_row_and_the_velocity_after_it():
     read = convert(log_of(recording, phi=angle), mapping_of(2, **POSE["angle"]))
     assert np.flatnonzero(~read.measured).tolist() == [50, 51]
     assert read.hip[60] == pytest.approx(recording.hip[60], abs=1e-9)
+
+
+def test_a_matrix_that_repeats_its_numbers_is_no_copied_column():
+    recording = run_of(2)
+    assert [issue for issue in copies(recording) if "body_rotation" in issue.message + str(issue)] == []
 
 
 @pytest.mark.parametrize(

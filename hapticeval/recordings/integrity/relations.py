@@ -31,6 +31,7 @@ from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import Issue, Severity, make_issue
 from hapticeval.recordings.recording import Recording, columns_of
 from hapticeval.recordings.stretches import LAG_TICKS, nominal_step, stretches
+from hapticeval.recordings.world import POSE_CHANNELS
 from hapticeval.types import Array
 
 LAGS_TRIED = 20  # ticks over which a lag is looked for
@@ -235,7 +236,8 @@ def copies(recording: Recording) -> Iterator[Issue]:
     moving = {name: column for name, column in columns.items() if np.count_nonzero(np.diff(column[1])) >= COPY_ROWS}
     mapped = recording.meta.get("import", {}).get("columns", {})
     for (one, (a, values)), (other, (b, others)) in combinations(moving.items(), 2):
-        if a != b and any({a, b} <= alike for alike in SAME_BY_MEANING):
+        # a rotation's matrix repeats its numbers
+        if (a != b and any({a, b} <= alike for alike in SAME_BY_MEANING)) or a == b == POSE_CHANNELS[0]:
             continue
         for how, sign in (("", 1.0), ("minus ", -1.0)):
             match = matched(values, sign * others, COPIED_SHARE)
