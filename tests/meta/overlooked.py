@@ -1,4 +1,4 @@
-"""Wrong renderers that suites once let pass, and relatives of theirs: a contact out of nowhere, a promise that is none.
+"""Wrong renderers that suites once let pass or named wrongly, and relatives: a contact of nothing, a broken promise.
 
 Each is round a right renderer. `OVERLOOKED` says where which check stops it, and in what words.
 """
@@ -163,6 +163,31 @@ def one_triangle(tick: Tick) -> Answer:
     return tick.ihip, -tick.force if reversed_there else tick.force
 
 
+def both_late(tick: Tick) -> Answer:
+    """Tool and force come 20 ticks late."""
+    past = tick.memory.setdefault("past", [])
+    past.append((tick.ihip, tick.force))
+    return past[max(0, len(past) - 21)]
+
+
+def soft_in_notches(tick: Tick) -> Answer:
+    """Half of the force where two faces hold the tool."""
+    if not tick.force.any():
+        return tick.ihip, tick.force
+    normal = tick.force / np.linalg.norm(tick.force)
+    beside = 1e-4 * np.array([-normal[1], normal[0]])
+    normals = tick.scene.model.boundary.closest_point(np.array([tick.ihip + beside, tick.ihip - beside])).normal
+    return tick.ihip, (0.5 if abs(normals[0] @ normals[1]) < 0.9 else 1.0) * tick.force
+
+
+def dragged(tick: Tick) -> Answer:
+    """2 N s/m against the motion along the surface."""
+    if not tick.force.any():
+        return tick.ihip, tick.force
+    normal = tick.force / np.linalg.norm(tick.force)
+    return tick.ihip, tick.force - 2.0 * (tick.velocity - (tick.velocity @ normal) * normal)
+
+
 class Lost(Spoiled):
     """1 kN on a hand that is not a number."""
 
@@ -256,6 +281,21 @@ OVERLOOKED: Mapping[str, Overlooked] = {
         ("solids/cube-all-round", "solids/l-block-all-round"),
         "contact-normal-force",
         "the force pulls",
+    ),
+    "both-late": Overlooked(
+        spoiled(both_late, "constraint"), ("thesis/star-convex-corner",), "contact-kept", r"20 ms late \(20 ticks\)"
+    ),
+    "soft-in-notches": Overlooked(
+        spoiled(soft_in_notches, "constraint"),
+        ("thesis/star-concave-corner",),
+        "force-magnitude",
+        "0.5 times what is asked .*where two faces hold the tool",
+    ),
+    "dragged": Overlooked(
+        spoiled(dragged), ("unilateral-surfaces/torus-slide",), "contact-normal-force", "drags .*by 2 N s/m"
+    ),
+    "millimetres": Overlooked(
+        spoiled(lambda tick: (tick.ihip, 1e3 * tick.force)), ("solids/cube-edge",), "force-magnitude", "unit is wrong"
     ),
     "lost": Overlooked(lost, PRESSES, "drop-out", "gets 1.73e"),
 }
