@@ -70,15 +70,11 @@ def view_recording(
     # The runner's own work, done here at once: the page shows what a replay's report would.
     work, job = prepare_replay(replay_case), Job(REPLAY_SUITE, replay_case.case, RECORDED)
     judged, _ = work(job, None, 0)
-    entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
+    entry = msgspec.structs.replace(run_entry(job, judged, None), title=f"Recording {file.name}", shows=None)
     # The recorded run is given, so that only an error can leave none.
     if judged.recording is None:
         raise judged.error or InputError(f"{file} cannot be shown")
     return Viewed(entry, judged.recording, tuple(map(VerdictEntry.of, judged.verdicts)), work.path.suspicious)
-
-
-def _title(file: Path) -> str:
-    return f"Recording {file.name}"
 
 
 def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
@@ -95,7 +91,7 @@ def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None,
         simulated_seconds=0.0,
         wall_seconds=0.0,
         stimulus="experiment",
-        title=_title(file),
+        title=f"Recording {file.name}",
         shows=None,
         citation=None,
         model=dict(model or {"kind": "unknown"}),

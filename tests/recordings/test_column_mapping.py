@@ -451,13 +451,42 @@ def test_counts_and_commands_are_proposed_with_the_device_that_gives_them_meanin
     document = tomllib.loads(text)
     assert document["channels"]["raw"] == {"columns": ["enc1", "enc2"], "unit": "counts"}
     assert document["channels"]["command"] == {"columns": ["u1", "u2"], "unit": "?"}
-    assert document["device"]["kind"] == "parallelogram-2dof"
+    device = document["device"]
+    assert device.pop("kind") == "parallelogram-2dof"
+    # What nobody can read off a log is asked for, a direction as well.
+    assert set(device.values()) == {"?"}
     answered = text.replace('counts_per_turn = "?"', "counts_per_turn = 4000").replace('unit = "?"', 'unit = "N m"', 1)
     answered = answered.replace('torque_per_command = "?"', "torque_per_command = 1.0").replace(
         'unit = "?"', 'unit = "V"'
     )
     mapping = parse_mapping(tomllib.loads(answered.replace('unit = "N m"', 'unit = "s"', 1)))
     assert mapping.channels["raw"].factor == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("encoders", "commands"),
+    [
+        (["enc_shoulder", "enc_elbow"], ["pwm_shoulder", "pwm_elbow"]),
+        (["q1_counts", "q2_counts"], ["u1_V", "u2_V"]),
+        (["Encoder 1 (counts)", "Encoder 2 (counts)"], ["DAC1 [V]", "DAC2 [V]"]),
+        (["enc_base", "enc_shoulder", "enc_elbow"], ["cmd_0", "cmd_1", "cmd_2"]),
+    ],
+)
+def test_joints_by_number_or_by_name_make_one_channel_of_a_robot(encoders, commands):
+    time = np.arange(40)
+    columns = {"t": 1e-3 * time}
+    columns |= {name: np.rint(1000.0 * np.sin(time / 7.0 + k)).astype(int) for k, name in enumerate(encoders)}
+    columns |= {name: np.cos(time / 5.0 + k) for k, name in enumerate(commands)}
+    document = tomllib.loads(propose(Table(columns)))
+    assert document["channels"].keys() == {"raw", "command"}
+    assert document["channels"]["raw"] == {"columns": encoders, "unit": "counts"}
+    assert document["channels"]["command"]["columns"] == commands
+    assert document["device"]["kind"] == f"parallelogram-{len(encoders)}dof"
+
+
+def test_a_robot_of_as_many_joints_as_none_here_is_not_guessed():
+    columns = {"t": 1e-3 * np.arange(40), "enc1": np.arange(40) % 7}
+    assert tomllib.loads(propose(Table(columns)))["device"]["kind"] == "?"
 
 
 def test_a_clock_without_a_name_is_one_by_its_even_step():

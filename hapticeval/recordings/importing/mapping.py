@@ -19,26 +19,11 @@
     divide = "0.075 m"                      # the lever: N m / m is N, and so it is checked
     sign = -1
 
-    [channels.raw]                          # encoders, and motors, of the robot of [device]
-    columns = ["enc1", "enc2"]
-    unit = "counts"                         # an angle where [device] has no counts_per_turn; directions turn it
-    [channels.command]
-    columns = ["u1", "u2"]
-    unit = "V"                              # what torque_per_command is for
-
     [channels.pose]                         # of a body that moves, in the frame of hip, force and velocity
     rotation = ["phi"]                      # an angle in the plane; a matrix row by row; in space w, x, y, z too
     angle = "deg"
     translation = ["bx", "bz"]
     unit = "mm"
-
-    [device]
-    kind = "parallelogram-2dof"
-    counts_per_turn = 262144
-    offsets = [1210, -340]                  # raw readings at joint angle zero
-    directions = [1, -1]                    # of encoder and motor of each joint
-    torque_per_command = 0.35               # N m
-    l1 = 0.3                                # of Table A.1, where it is not so
 
     [gaps]
     column = "pen"
@@ -50,8 +35,8 @@
 A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the
 channel's. Where the file's axes are turned against the model's, `axes = [[0.866, 0.5], [-0.5, 0.866]]` has the
 model's x and y in the axes of the file, and turns that vector. Channels that hapticeval does not know state what they
-are: `becomes` (an SI unit), `meaning`, `frame`. Of a log with a `[device]`, HIP, velocity and force follow from its
-joints and motors, where no column is mapped to them.
+are: `becomes` (an SI unit), `meaning`, `frame`. Of `[channels.raw]`, encoders, and `[channels.command]`, motors, of the
+robot that a `[device]` describes (`hardware.wiring.Wiring`), HIP, velocity and force follow where no column is mapped.
 
 With a pose hip, velocity and force are taken into the frame of the body, where checks read them.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,7 +29,7 @@ COMPONENT_NAME = re.compile(r"(?P<stem>.*?)[._/ \[]?(?P<part>[wxyz]|\d+)\]?$", r
 HEADER_UNIT = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
 
-SUFFIX_UNIT = re.compile(r"_(mm|cm|um|µm|ms|us|µs|ns|rad|mrad|deg|N|mN|Nm|mNm|Nmm)$")
+SUFFIX_UNIT = re.compile(r"_(mm|cm|um|µm|ms|us|µs|ns|rad|mrad|deg|counts|N|mN|Nm|mNm|Nmm|V)$")
 """A unit that a name ends with, as in `x_mm`. Not m, s and g, which mean master, slave and gripper just as well."""
 
 SUFFIX_SECONDS = re.compile(r"_(s)$")
@@ -223,8 +223,17 @@ def _proposals(table: Table, clock_names: list[str]) -> dict[str, Proposal]:
     # The best pair first: then neither its channel nor its columns are free. Equal ones stay in the file's order.
     for _, channel, proposal in sorted(pairs, key=lambda pair: -pair[0]):
         if channel not in proposals and taken.isdisjoint(proposal.columns):
-            proposals[channel] = proposal
-            taken.update(proposal.columns)
+            # Joints go by names of their own as well as by numbers: enc_shoulder, enc_elbow.
+            alike = [
+                other
+                for _, name, other in pairs
+                if channel in WIRED_CHANNELS and name == channel and len(proposal.columns) == len(other.columns) == 1
+                and (other.points, other.own_clock) == (proposal.points, proposal.own_clock)
+                and taken.isdisjoint(other.columns)
+            ]  # fmt: skip
+            joined = tuple(column for other in alike[:MOST_COMPONENTS] for column in other.columns)
+            proposals[channel] = replace(proposal, columns=joined or proposal.columns)
+            taken.update(proposals[channel].columns)
     places = {name: place for place, name in enumerate(table.columns)}
     in_order = sorted(proposals.items(), key=lambda item: (item[1].own_clock is not None, places[item[1].columns[0]]))
     return dict(in_order)
@@ -248,7 +257,9 @@ def _vectors(table: Table, clock_names: list[str]) -> Iterator[Vector]:
             stem = part["stem"] if part else plain
             groups.setdefault((stem, own), {}).setdefault(part["part"].lower() if part else "", name)
     for (stem, own), names in sorted(groups.items(), key=lambda group: group[0][1] is not None):
-        yield Vector(stem, tuple(names), tuple(names.values()), own)
+        # A w by itself is of no quaternion: `elbow`.
+        alone = tuple(names) == ("w",)
+        yield Vector(f"{stem}w" if alone else stem, ("",) if alone else tuple(names), tuple(names.values()), own)
 
 
 def _scored(table: Table, vector: Vector, channel: str) -> Proposal | None:
@@ -258,7 +269,8 @@ def _scored(table: Table, vector: Vector, channel: str) -> Proposal | None:
         return Proposal(vector.columns, vector.own_clock, 100.0)
     if channel not in WORDS:
         return None
-    labels = " ".join(table.notes.get(name, "") for name in vector.columns)
+    # A unit is a word as well: counts.
+    labels = " ".join(f"{table.notes.get(name, '')} {_unit(table, name)}" for name in vector.columns)
     leaf = _words(f"{re.split(r'[./]', vector.stem)[-1]} {labels}")
     around = _words(f"{table.topics.get(vector.columns[0], '')} {vector.stem}") - leaf
     letters = bool(set("wxyz") & set(vector.parts))
@@ -302,7 +314,7 @@ def _scored(table: Table, vector: Vector, channel: str) -> Proposal | None:
         points += 0.5
         reasons.append(f"{len(vector.columns)} components")
     points += 1.0 * (of_joints and joints) + 0.5 * (channel == "raw" and whole)
-    points -= 1.5 * bool(DOUBTFUL_WORDS & (leaf | around) and channel != "command")
+    points -= 1.5 * bool(DOUBTFUL_WORDS & (leaf | around) and channel not in WIRED_CHANNELS)
     if not any(np.ptp(column[np.isfinite(column)]) for column in values if np.isfinite(column).any()):
         points -= 0.5
         reasons.append("it never changes")
@@ -338,12 +350,13 @@ def _channel(table: Table, channel: str, proposal: Proposal, *, ours: bool) -> l
 
 def _device(joints: int) -> list[str]:
     """Return the lines of `[device]`, which says what raw numbers mean: HIP, velocity and force follow from it."""
+    kind = f"parallelogram-{joints}dof" if joints > 1 else NOT_STATED
     return [
         "[device]  # what the raw numbers mean: HIP, velocity and force follow from it, and need no columns",
-        f'kind = "parallelogram-{joints}dof"  # hapticeval list devices',
+        f'kind = "{kind}"  # hapticeval list devices',
         'counts_per_turn = "?"  # of the encoder at the joint, gear and quadrature included; without it raw is in rad',
-        f"offsets = {[0] * joints}  # raw readings at joint angle zero",
-        f"directions = {[1] * joints}  # -1 where encoder and motor turn the other way round",
+        f'offsets = "?"  # raw readings at joint angle zero: {[0] * joints}',
+        f'directions = "?"  # -1 where encoder and motor turn the other way round: {[1] * joints}',
         'torque_per_command = "?"  # N m that one unit of the command gives; 1 where commands are torques in N m',
         "# l1 = 0.3  # any parameter of Table A.1 that is different on your robot: hapticeval list devices",
     ]
