@@ -132,6 +132,14 @@ def test_a_jump_between_neighbouring_facets_is_a_mini_pop_through(size, severity
     assert (finding.outcome, finding.evidence["severity"]) == (FAIL, severity)
 
 
+@pytest.mark.parametrize(("size", "severity"), [(1e-3, "mini"), (0.03, "major")])
+def test_one_recording_too_tells_a_jump_over_the_declared_facets_from_a_longer_one(size, severity):
+    record = led(lambda x: x + size * (x > 0.02), meta={"resolution": 0.015})
+    finding = found(CHECK, Runs(record(1)), SCENE)
+    assert (finding.outcome, finding.evidence["severity"]) == (FAIL, severity)
+    assert ("over facets of 15 mm that the renderer declares" in finding.message) == (severity == "mini")
+
+
 def test_a_jump_within_the_declared_standoff_passes_and_is_reported():
     """The surface stands off as far as it declares."""
 

@@ -154,12 +154,17 @@ def _ihip_step_to(base: Observed, tick: int) -> float:
     return float(np.linalg.norm(base.ihip[tick] - base.ihip[tick - 1]))
 
 
-def _pop_through_message(base: Observed, jump: float, where: str, evidence: dict[str, object]) -> str:
-    """Return the message for a `jump` (m) that stays; note as evidence whether it is mini or major (section 4.1.2)."""
+def _pop_through(base: Observed, jump: float, evidence: dict[str, object]) -> str:
+    """Return what a `jump` (m) that stays is called; note as evidence whether it is mini or major (section 4.1.2)."""
     # Mini pop-through: between neighbouring pieces of the renderer's own representation.
     mini = jump <= MINI_JUMP_EDGES * base.resolution
     evidence |= Facts(severity="mini" if mini else "major").evidence
-    what = "mini pop-through" if mini else "pop-through"
+    return "mini pop-through" if mini else "pop-through"
+
+
+def _pop_through_message(base: Observed, jump: float, where: str, evidence: dict[str, object]) -> str:
+    """Return the message for a `jump` (m) that stays."""
+    what = _pop_through(base, jump, evidence)
     return f"{what}: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
 
 
@@ -410,7 +415,9 @@ def _judge_fixed(base: Observed) -> Finding:
     if not slope < JUMP_SLOPE:
         message = f"the IHIP moves {moved}, in one step, and whether finer HIP steps shrink it is not known; {note}"
         return undecided(message, metric, bound, evidence)
-    return Finding(Outcome.FAIL, f"pop-through of {moved}; {note}", metric, bound, evidence)
+    what = _pop_through(base, jump, evidence)
+    whose = f", over facets of {mm(base.resolution)} that the renderer declares" * what.startswith("mini")
+    return Finding(Outcome.FAIL, f"{what} of {moved}{whose}; {note}", metric, bound, evidence)
 
 
 CHECK = Check(
