@@ -303,7 +303,9 @@ def view(
     if other is not None:
         _require_one_model(runs)
         # On one page each goes by its file's name.
-        runs = [run.called(title) for run, title in zip(runs, _titles(files), strict=True)]
+        titles = _titles(files)
+        title = f"Recordings {' and '.join(titles)}"
+        runs = [run.called(name, title=title) for run, name in zip(runs, titles, strict=True)]
     reasons = list(dict.fromkeys(run.unjudged for run in runs if run.unjudged))
     page = write_view(
         directory,

@@ -31,10 +31,12 @@ class Viewed:
     suspicious: tuple[str, ...] = ()
     unjudged: str = ""
 
-    def called(self, name: str) -> Viewed:
-        """Return the run under another name than `recorded`, which tells it from another on one page."""
+    def called(self, name: str, *, title: str) -> Viewed:
+        """Return the run under another name than `recorded`, which tells it from another on one page, `title`."""
         renamed = (msgspec.structs.replace(verdict, renderer=name) for verdict in self.verdicts)
-        return replace(self, entry=msgspec.structs.replace(self.entry, renderer=name), verdicts=tuple(renamed))
+        return replace(
+            self, entry=msgspec.structs.replace(self.entry, renderer=name, title=title), verdicts=tuple(renamed)
+        )
 
 
 def view_recording(

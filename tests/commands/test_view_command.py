@@ -86,6 +86,7 @@ def test_two_recordings_lie_on_one_page_with_the_verdicts_of_both(here, capsys):
         assert f'id="{run}/contact-normal-force"' in text
         assert f"<code>{run}.h5</code>" in text
     assert "recorded/" not in text
+    assert "Recordings a and b" in text
     assert re.search(r"b: [^.]*500 N/m", text)
 
 
