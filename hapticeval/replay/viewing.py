@@ -82,9 +82,8 @@ def view_recording(
 def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
     """Return the run as it was recorded, without verdicts, and `why` there are none."""
     entries = scene_of(recording)
-    stiffness, damping, mass, restitution = (
-        float(entries.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")
-    )
+    scene = {name: float(entries.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")}
+    scene |= {"bilateral": bool(entries.get("bilateral", False)), "sampling_time": float(recording.dt)}
     entry = RunEntry(
         suite=REPLAY_SUITE,
         case=file_stem(file.stem),
@@ -99,14 +98,7 @@ def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None,
         model=dict(model or {"kind": "unknown"}),
         depth_of=None,
         judged=False,
-        scene=SceneEntry(
-            stiffness=stiffness,
-            damping=damping,
-            mass=mass,
-            restitution=restitution,
-            bilateral=bool(entries.get("bilateral", False)),
-            sampling_time=float(recording.dt),
-        ),
+        scene=msgspec.convert(scene, SceneEntry),
         closed_form=None,
         ended=None,
         error=None,
