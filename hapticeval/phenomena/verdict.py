@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any
 
@@ -116,6 +116,13 @@ class Facts:
 def not_applicable(message: str) -> Finding:
     """Return the finding of a check that has no question here."""
     return Finding(Outcome.NOT_APPLICABLE, message)
+
+
+def shown_only(finding: Finding, active: str) -> Finding:
+    """Return a finding that asks nothing, since an effect is `active`: why, in words, in the evidence as a whole."""
+    message = f"{finding.message}; shown only, for {active.partition(':')[0]}"
+    evidence = {**finding.evidence, "shown_only_for": active}
+    return replace(finding, level=Level.INFO, message=message, evidence=evidence)
 
 
 def undecided(

@@ -55,7 +55,7 @@ LEAD_DEPTH, LEAD_STEP, LEAD_REST_TICKS = 1e-2, 1e-3, 20
 SIDES = 12
 """Points of a curve at which the hand is pressed in."""
 
-STROKES, STROKE_TICKS, STROKE_DEPTH = 6, 600, 0.1
+HALF_STROKES, STROKE_TICKS, STROKE_DEPTH = 6, 600, 0.1
 """Half strokes of the hand in which a lag is looked for, three into the surface; their ticks, and depth in sizes."""
 
 TIMED_TICKS = 500
@@ -458,7 +458,7 @@ def _check_lag(case: Case) -> StateAndText:
     """Check that force and IHIP are of the hand of now, and tell what else the diagnosis finds off in them."""
     scene, path = case.scene, case.path
     # Strokes into the surface and along it: without changes of the depth nothing is late.
-    turn = np.linspace(0.0, STROKES * np.pi, STROKE_TICKS)
+    turn = np.linspace(0.0, HALF_STROKES * np.pi, STROKE_TICKS)
     along = np.roll(path.normal, 1) - path.normal * (np.roll(path.normal, 1) @ path.normal)
     deeper, aside = STROKE_DEPTH * scene.model.size * np.array([-np.sin(turn), 0.5 * np.sin(0.4 * turn)])
     hips = path.foot + deeper[:, np.newaxis] * path.normal + aside[:, np.newaxis] * along

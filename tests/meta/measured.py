@@ -46,6 +46,9 @@ QUICK = 0.015
 """What takes longer to judge, s of the processor, is not asked once more."""
 MOST_NUMBERS = 60
 
+LONGEST_MESSAGE, USUAL_MESSAGE = 200, 120
+"""Characters of a message at the most, and of the median of those that say what fails."""
+
 NUMBER = re.compile(r"(?<![\w.])-?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:e[+-]?\d+)?")
 
 

@@ -11,6 +11,7 @@ import field_bugs
 import lawbreakers
 import measured
 import mutants
+import numpy as np
 import outsiders
 import pytest
 import rubbing
@@ -125,6 +126,18 @@ def test_what_an_outsider_breaks_is_found(name):
 
 def test_no_check_is_without_a_renderer_that_it_stops():
     assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN_CHECKS)
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_a_message_is_no_longer_than_is_read_at_a_glance(name):
+    """Errors apart, which quote what a renderer raised."""
+    messages = [finding.message for finding in findings(name).values() if finding.outcome is not Outcome.ERROR]
+    assert [message for message in messages if len(message) > measured.LONGEST_MESSAGE] == []
+
+
+def test_half_of_the_messages_of_failures_are_shorter_than_that():
+    failures = [finding for name in JUDGED for finding in findings(name).values() if finding.outcome is Outcome.FAIL]
+    assert np.median([len(finding.message) for finding in failures]) <= measured.USUAL_MESSAGE
 
 
 @pytest.mark.parametrize("name", JUDGED)

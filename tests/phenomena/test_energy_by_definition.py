@@ -104,7 +104,7 @@ class TestGain:
         assert (finding.evidence["ways"], finding.evidence["laps"]) == (3, 1)
         assert (finding.evidence["tick"], finding.evidence["from_time"]) == (3, pytest.approx(1e-3))
         assert "round (0.15, -1) mm until t = 0.003 s, the hand gets 400 mJ" in finding.message
-        assert "at 1 ms holding the force adds 100 mJ, and what else vanishes with the tick 200 mJ" in finding.message
+        assert (finding.evidence["hold_J"], finding.evidence["lag_J"]) == (0.1, 0.2)
         none = self.gain_of(law=0.1, open=0.1)
         assert _judge_law(base, [none], [none]).outcome is PASS
         open_one = _judge_law(base, [none, unclear, self.gain_of(law=3.0, open=1.0)], [none])

@@ -126,6 +126,7 @@ def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
     places = {(verdict.case, verdict.check) for verdict in verdicts}
     assert places == {place for place in table if place in asked and place[0] in cases}
     for verdict in verdicts:
+        assert len(verdict.finding.message) <= measured.LONGEST_MESSAGE, verdict.finding.message
         place = verdict.case, verdict.check
         cell, text = Cell.of_verdict(verdict), table[place][name]
         if verdict.check == measured.CHAOTIC and cell.outcome == Cell.read(text).outcome == Outcome.FAIL:

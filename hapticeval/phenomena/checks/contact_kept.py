@@ -121,9 +121,8 @@ def _judge_barred(base: Observed, grain: float, moved: Array, allowed: Array) ->
     if had_contact:
         evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
-        f"{KIND_WORDS[kind]} at {base.time_and_hip(first)}: without contact for "
-        f"{seconds:.3g} s ({ticks} of {len(base)} ticks), the hand gets {mm(metric.value)} past the surface that bars "
-        "the tool's way"
+        f"{KIND_WORDS[kind]} at {base.time_and_hip(first)}: without contact for {seconds:.3g} s the hand gets "
+        f"{mm(metric.value)} past the surface"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 

@@ -92,7 +92,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         if finding.outcome is not Outcome.FAIL:
             return astray
         evidence = {**astray.evidence, **finding.evidence}
-        return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
+        # Its time and place are evidence.
+        besides = astray.message.partition(" at t = ")[0].partition(":")[0]
+        return replace(finding, message=f"{finding.message}; besides, {besides}", evidence=evidence)
     # Deeper inside than this a late answer does not explain a tick without contact.
     depth = LAG_TICKS * base.hip_step + base.believed_standoff + rounding(scene)
     let_go_tick = lets_go(base, slice(None), depth)
@@ -165,7 +167,7 @@ def _pop_through(base: Observed, jump: float, evidence: dict[str, object]) -> st
 def _pop_through_message(base: Observed, jump: float, where: str, evidence: dict[str, object]) -> str:
     """Return the message for a `jump` (m) that stays."""
     what = _pop_through(base, jump, evidence)
-    return f"{what}: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
+    return f"{what}: the IHIP jumps {where}, and stays so in finer steps"
 
 
 def _continuous_message(base: Observed, jump: float) -> str:
@@ -309,8 +311,8 @@ def _judge_closely(
         evidence |= Facts(unexplained_jump_m=other.remaining).evidence
         evidence["unexplained_time"] = float(base.time[other.tick])
         message += (
-            f"; besides, it jumps {mm(other.remaining)} at {base.time_and_hip(other.tick)}, where the model's "
-            "nearest point does not"
+            f"; besides, it jumps {mm(other.remaining)} at t = {base.time[other.tick]:.4g} s, where the nearest point "
+            "does not"
         )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 

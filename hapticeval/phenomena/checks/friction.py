@@ -64,7 +64,7 @@ def judge_cone(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
         passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
         fails=(
             f"leaves the cone: {surface_force.tangential_size[worst]:.4g} N along the surface at "
-            f"t = {base.time[worst]:.4g} s (tick {worst}), where mu_s = {friction.mu_s:g} holds "
+            f"t = {base.time[worst]:.4g} s, where mu_s = {friction.mu_s:g} holds "
             f"{limit[worst]:.4g} N of {surface_force.normal_force[worst]:.4g} N across it"
         ),
     )
@@ -120,7 +120,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
             "across the surface on"
         ),
         fails=(
-            f"a tool that sticks is let go too early: it slides at t = {base.time[tick]:.4g} s (tick {tick}), and the "
+            f"a tool that sticks is let go too early: it slides at t = {base.time[tick]:.4g} s, and the "
             f"force along the surface has reached {reached:.3g} times that across it, where mu_s = {friction.mu_s:g}"
         ),
     )
@@ -273,7 +273,7 @@ def judge_sliding(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Find
             "ticks": int(ticks.size),
         },
         passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {comparison}",
-        fails=f"a tool that slides at t = {base.time[worst]:.4g} s (tick {worst}) feels {comparison}",
+        fails=f"a tool that slides at t = {base.time[worst]:.4g} s feels {comparison}",
     )
 
 
@@ -350,7 +350,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
     deviation = np.linalg.norm(tangential_force + straight, axis=1)
     worst = worst_row(np.where(judged, deviation - doubt, -np.inf))
     what = (
-        f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
+        f"at t = {base.time[worst]:.4g} s it is {deviation[worst]:.3g} N off the {strength[worst]:.3g} "
         f"N that the {kind} makes of {1e3 * np.linalg.norm(surface_force.velocity[worst]):.3g} mm/s"
     )
     return compared(

@@ -45,7 +45,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     allowed = base.force_floor + scene.stiffness * (2.0 * moved + base.rounding + base.believed_standoff)
     worst = int(rows[worst_row((pull - allowed)[rows])])
     # How fast the hand goes outwards, m/s: (n,).
-    leaving = np.sum(np.gradient(base.hip, base.time, axis=0) * outward, axis=1)
+    velocity = np.gradient(base.hip, base.time, axis=0) if len(base) > 1 else np.zeros_like(base.hip)
+    leaving = np.sum(velocity * outward, axis=1)
     speed = float(leaving[worst])
     where = f"at t = {base.time[worst]:.4g} s, while the hand {'leaves' if speed > 0.0 else 'enters'} at "
     where += f"{abs(speed):.3g} m/s"

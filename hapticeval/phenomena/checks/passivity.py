@@ -18,7 +18,7 @@ from hapticeval.phenomena.measures.gained_work import Gain, Span, gain_over, sto
 from hapticeval.phenomena.measures.stiffness import largest_other_force
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import mm, worst_of, worst_row
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
+from hapticeval.phenomena.verdict import Finding, Outcome, shown_only, undecided
 from hapticeval.quantity import format_number
 from hapticeval.recordings.energy_balance import balance
 from hapticeval.recordings.recording import Recording
@@ -133,7 +133,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     finding = _judge_fixed(runs.observed(scene)) if runs.refine is None else _judge_spending(runs, runs.refine, scene)
     if active is None:
         return finding
-    return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {active}")
+    return shown_only(finding, active)
 
 
 def _judge_spending(runs: Runs, refine: Callable[[int], Recording], scene: Scene) -> Finding:
@@ -256,15 +256,11 @@ def _judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) -
         "ways": len(telling),
         "laps": sum(gain.span.closes_lap for gain in telling),
     }
-    shares = (
-        f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}, and what else vanishes with the "
-        f"tick {_millijoules(worst.lag)}"
-    )
     if worst.excess > 0.0:
         where = mm(*base.hip[worst.span.first : worst.last].mean(axis=0))
         message = (
             f"creates energy: {worst.span.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
-            f"{_millijoules(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
+            f"{_millijoules(worst.law)} that it never gave"
         )
         return Finding(Outcome.FAIL, message, metric, worst.granted, evidence)
     if untold_gains:
@@ -275,7 +271,8 @@ def _judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) -
             "energy"
         )
         return undecided(message, metric, worst.granted, evidence)
-    message = f"the hand gets back no more than it put in; {worst.span.what} {shares}"
+    held = f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}"
+    message = f"the hand gets back no more than it put in; {worst.span.what} {held}"
     return Finding(Outcome.PASS, message, metric, worst.granted, evidence)
 
 
@@ -312,12 +309,11 @@ def _gains(
 def _hold_failure(base: Observed, gain: AtOwnRate) -> Finding:
     """Return the failure of a renderer whose law creates nothing, and that gives more than a held spring does."""
     where = mm(*base.hip[gain.span.first : gain.last].mean(axis=0))
-    lag_shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
+    lag_shown = f", {gain.lag:.2g} ticks late," if gain.lag > 0.0 else ""
     message = (
         f"creates energy at {1e3 * base.dt:.3g} ms: {gain.span.what}, round {where} until "
-        f"t = {base.time[gain.last]:.4g} s, the hand gets {_millijoules(gain.work)}, of which a spring of "
-        f"{base.scene.stiffness:g} N/m that is held for a tick, with {lag_shown}, explains "
-        f"{_millijoules(gain.explained)}; it is less the faster the loop is sampled"
+        f"t = {base.time[gain.last]:.4g} s, the hand gets {_millijoules(gain.work)}; a spring that is held for a tick"
+        f"{lag_shown} gives {_millijoules(gain.explained)}"
     )
     evidence = {
         **base.evidence_at(gain.last),

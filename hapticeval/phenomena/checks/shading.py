@@ -98,8 +98,8 @@ def judge_direction(runs: Runs, scene: Scene) -> Finding:
             f"{_degrees(flat[pressed].max())} without shading"
         ),
         fails=(
-            f"the force jumps: it turns by {_degrees(turn[worst])} in the tick before t = {base.time[worst + 1]:.4g} s "
-            f"(tick {worst + 1}), and shaded normals there by no more than {_degrees(allowed[worst])}"
+            f"the force jumps: it turns by {_degrees(turn[worst])} in the tick before t = {base.time[worst + 1]:.4g} "
+            f"s, and shaded normals there by no more than {_degrees(allowed[worst])}"
         ),
     )
 
@@ -132,7 +132,7 @@ def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
         evidence,
         passes="the force is as large as without shading",
         fails=(
-            f"the force is {size[worst]:.4g} N at t = {base.time[worst]:.4g} s (tick {worst}), and {plain[worst]:.4g} "
+            f"the force is {size[worst]:.4g} N at t = {base.time[worst]:.4g} s, and {plain[worst]:.4g} "
             "N without shading: its normals are not of unit length"
         ),
     )

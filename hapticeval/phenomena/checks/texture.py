@@ -355,7 +355,7 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
         passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {largest_moving:.3g} N while it "
         "moves",
         fails=(
-            f"the texture goes on at rest: {added[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick}), "
+            f"the texture goes on at rest: {added[tick]:.3g} N at t = {base.time[tick]:.4g} s, "
             f"{since[tick] * base.dt:.3g} s after the hand has stopped"
         ),
     )

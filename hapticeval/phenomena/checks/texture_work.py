@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from hapticeval.effects.catalogue import BUMP_MAP, HEIGHT_MAP
@@ -12,7 +10,7 @@ from hapticeval.phenomena.decisions import FINER_RATES, LOOP_KNOWN
 from hapticeval.phenomena.measures.closed_paths import SampledWork, later_laps
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import worst_row
-from hapticeval.phenomena.verdict import Finding, Level, compared, undecided
+from hapticeval.phenomena.verdict import Finding, compared, shown_only, undecided
 from hapticeval.scene import Scene
 
 
@@ -65,9 +63,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
     why = relief.active(scene.damping)
     # A relief that is active by its law gives energy whatever the renderer does: shown only.
-    if why is None:
-        return finding
-    return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {why}")
+    return finding if why is None else shown_only(finding, why)
 
 
 CHECK = Check(

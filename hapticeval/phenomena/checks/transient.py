@@ -243,9 +243,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Findi
     if stray.max() > base.force_floor:
         tick = int(np.argmax(stray > base.force_floor))
         ticks_away = min(max(contact.begin - tick, tick - contact.end + 1) for contact in struck)
-        message = (
-            f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
-        )
+        message = f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s"
         metric = Metric("ticks from a contact to a force without one", float(ticks_away), "ticks")
         return compared(metric, 0.0, base.evidence_at(tick), passes="", fails=message)
     if all(contact.end - contact.begin <= LATE_START for contact in struck):
@@ -253,7 +251,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Findi
     late = [contact.end - contact.begin if contact.late is None else contact.late for contact in struck]
     worst = worst_row(np.array(late, dtype=np.float64))
     begin = struck[worst].begin
-    contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
+    contact = f"the contact that begins at t = {base.time[begin]:.4g} s starts"
     return compared(
         TRANSIENT_ONSET.measured(late[worst]),
         float(LATE_START),

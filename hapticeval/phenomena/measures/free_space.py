@@ -47,7 +47,8 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
     - the way from an IHIP at the surface to it is open, and was so for more than three ticks.
 
     A simulated tool is coupled to the hand by forces, and these are felt in free space, too: an IHIP clear of the
-    surface that trails the hand on its own path, or whose contact is over, is that of such a tool.
+    surface that trails the hand on its own path, or whose contact is over, is that of such a tool, and was while it
+    came off the surface.
     """
     pushed = base.pushed_in_free_space.copy()
     if base.scene.bilateral or not {"ihip", "force"} <= base.channels.keys():
@@ -70,6 +71,12 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
     for tick in rows[~clear].tolist():
         is_open[tick] = _is_way_open(base, tick, float(allowed[tick] + base.resolution), grain)
         barred[tick] = not is_open[tick]
+    # A simulated tool that comes off the surface while the hand is outside is on its way to it.
+    away, off_surface = (np.zeros(len(base), dtype=bool) for _ in range(2))
+    away[rows], off_surface[rows[clear]] = True, True
+    for begin, end in runs_of(away):
+        if off_surface[end - 1]:
+            is_open[begin:end] = False
     # What is late outlasts a contact by three ticks, or is three ahead of one.
     settled = np.convolve(barred | (felt & (distance <= 0.0)), np.ones(2 * LAG_TICKS + 1), mode="same") > 0.0
     return pushed | (is_open & ~settled) | _begun_outside(base, felt, outside, grain)

@@ -49,8 +49,8 @@ def find_aside(base: Observed) -> Finding | None:
     if aside[worst] <= allowed[worst]:
         return None
     message = (
-        f"the IHIP is not under the hand: {mm(aside[worst])} from the surface point nearest to it, where it is "
-        f"{mm(depth[worst])} deep, at {base.time_and_hip(worst)}"
+        f"the IHIP is not under the hand: {mm(aside[worst])} from the surface point nearest to it at "
+        f"{base.time_and_hip(worst)}"
     )
     metric = Metric("distance of the IHIP from the HIP's nearest surface point", float(aside[worst]), "m")
     evidence = {**base.evidence_at(worst), "depth_m": float(depth[worst])}
