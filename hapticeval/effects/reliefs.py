@@ -258,4 +258,4 @@ class BumpMap(Relief):
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
         """Return why it gives energy away, which it does with any renderer."""
-        return "turning only the normal, as (4.16), is the force of no potential"
+        return "turning the normal alone, (4.16), has no potential"

@@ -39,7 +39,10 @@ def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
         return False
     facts = finding.facts
     impulse, rigid_impulse = facts.impulse_in_window_Ns, facts.impulse_wanted_Ns
-    if impulse is None or rigid_impulse is None or facts.stopped_after_ms is None:
+    if impulse is None or rigid_impulse is None:
+        return False
+    # A soft spring may not have stopped a tool yet that slides off its face.
+    if facts.stopped_after_ms is None and not facts.left_pressed:
         return False
     return 0.0 <= impulse <= max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * (facts.spring_impulse_Ns or 0.0))
 

@@ -73,7 +73,8 @@ class Facts:
     check does not say.
 
     - A collision: what the first ticks took of the momentum, N s, what (3.5) asks for, and what the declared spring
-      gives at the depths of these ticks; when the tool stops, ms, of one that does.
+      gives at the depths of these ticks; when the tool stops, ms, of one that does; whether one that leaves before was
+      pressed as the declared spring asks up to there.
     - `force_over_spring`: a force that is off the declared spring, as a multiple of it.
     - `deepest_m`: how deep the hand gets without contact, m.
     - `off_surface_m`, `unexplained_jump_m`: an IHIP off the surface, and a jump that the nearest point does not make.
@@ -86,6 +87,7 @@ class Facts:
     impulse_in_window_Ns: float | None = None
     spring_impulse_Ns: float | None = None
     stopped_after_ms: float | None = None
+    left_pressed: bool | None = None
     force_over_spring: float | None = None
     deepest_m: float | None = None
     off_surface_m: float | None = None

@@ -47,7 +47,7 @@ QUICK = 0.015
 MOST_NUMBERS = 60
 
 LONGEST_MESSAGE, USUAL_MESSAGE = 200, 120
-"""Characters of a message at the most, and of the median of those that say what fails."""
+"""Characters of a message at the most, and in the median."""
 
 NUMBER = re.compile(r"(?<![\w.])-?(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?(?:e[+-]?\d+)?")
 

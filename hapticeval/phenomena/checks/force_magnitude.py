@@ -56,7 +56,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not base.declares_wide_range:
         return finding
     softest, stiffest = base.stiffness_range or (1.0, 1.0)
-    declares = f"it declares a stiffness from {softest:.3g} to {stiffest:.3g} of the scene's, which asks little"
+    declares = f"declared {softest:.3g} to {stiffest:.3g} of K, which asks little"
     return replace(finding, message=f"{finding.message}; {declares}")
 
 

@@ -58,12 +58,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     missing = max(required - slower - removed, removed - answered, 0.0) / required
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
+    left = np.flatnonzero(~contact[struck:])
     # What (3.5) does not ask for, a spring that is pressed already may give.
     facts = Facts(
         impulse_wanted_Ns=required,
         impulse_in_window_Ns=removed,
         spring_impulse_Ns=_spring_impulse(base, normal, slice(struck, end)) if removed > required else None,
         stopped_after_ms=stopped_ms,
+        left_pressed=_is_pressed(base, normal, slice(struck, struck + left[0])) if left.size else None,
     )
     evidence = {
         **base.evidence_at(struck),
@@ -73,7 +75,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     message = f"{removed:.3g} N s of {required:.3g} N s are taken out within {WINDOW_TICKS} ticks"
     fails = f"{message}; the tool " + ("is not stopped" if stopped_ms is None else f"stops after {stopped_ms:.3g} ms")
-    left = np.flatnonzero(~contact[struck:])
     if left.size:
         leaving = float(along[struck + left[0]])
         evidence["apparent_restitution"] = leaving / approach
@@ -127,6 +128,14 @@ def _restitution_of_held_spring(base: Observed) -> float:
     It is late by T / 2: a damper of -K T / 2, over half a period pi sqrt(m / K).
     """
     return math.exp(0.25 * math.pi * base.dt * math.sqrt(base.scene.stiffness / base.scene.mass))
+
+
+def _is_pressed(base: Observed, normal: Array, rows: slice) -> bool:
+    """Return whether the force along `normal` (N,) in `rows` is at least that of the softest declared spring, K d."""
+    softest, _ = base.stiffness_range or (1.0, 1.0)
+    depths = (base.ihip[rows] - base.hip[rows]) @ normal
+    asked = softest * base.scene.stiffness * depths
+    return bool(np.all(base.force[rows] @ normal >= asked - IMPULSE_ROUNDING * np.abs(asked).max(initial=0.0)))
 
 
 def _spring_impulse(base: Observed, normal: Array, rows: slice) -> float:

@@ -107,14 +107,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "rows_in_contact": int(contact.sum()),
         "rows_exempt": int((contact & ~clear).sum()),
     }
-    how = f"when the scene is {_words_listed([name for name, *_ in answering_runs])}{excuse}"
+    how = f"when the scene is moved{excuse}"
     if excess.max() <= ANSWER_CHANGE:
         # Whole ones, up to those of the bound: beyond, rounding decides, and another machine has others.
         whole = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
         metric = Metric("digits of the answer that hold", float(whole), "digits")
         if digits < FEWEST_DIGITS:
             # What is declared explains the rest, and so nothing is certified.
-            return undecided(f"undecided, {plural(whole, 'digit')}: so many hold {how}", metric, evidence=evidence)
+            return undecided(f"undecided, {plural(whole, 'digit')} {how}", metric, evidence=evidence)
         return Finding(Outcome.PASS, f"the answers keep {math.floor(digits)} digits {how}", metric, evidence=evidence)
     return Finding(
         Outcome.FAIL,
@@ -125,10 +125,6 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ANSWER_CHANGE,
         evidence,
     )
-
-
-def _words_listed(names: list[str]) -> str:
-    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def _in_contact(base: Observed) -> BoolArray:
@@ -167,7 +163,7 @@ def _describe_excuse(change: float, rounding: float, declared: float, steep: flo
     how_far = f": they are off by up to {mm(change)}"
     if change <= rounding + declared:
         return f"{how_far}, within {what}"
-    return f"{how_far}, which {what} may cause: nudges of the hand by as much change the answer by {mm(steep)} there"
+    return f"{how_far}, which {what} may cause: nudges of that change it by {mm(steep)}"
 
 
 CHECK = Check(

@@ -200,7 +200,7 @@ def _judge(
         return finding, _worst(telling).span
     at_own_rate = _at_own_rate(base, sampled, find_closed_paths(sampled.free))
     if finding.outcome is Outcome.PASS and base.declares_wide_range:
-        words = "what holding the force adds is not asked of a stiffness that is declared to vary by so much"
+        words = "what that adds is not asked of so wide a declared stiffness"
         return replace(finding, message=f"{finding.message}; {words}"), None
     if at_own_rate is None or at_own_rate.excess <= 0.0:
         return finding, None

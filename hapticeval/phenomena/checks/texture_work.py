@@ -52,7 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "laps": len(loops),
         "aliases_above_m_s": limit,
     }
-    what = f"waves of {1e3 * relief.finest:.4g} mm, which alias above {limit:.4g} m/s"
+    what = f"waves of {1e3 * relief.finest:.4g} mm"
     share_gained = f"{1e3 * gain:.4g} mJ of the {1e3 * crossed[worst]:.3g} mJ that cross"
     finding = compared(
         CHECK.measured(gain),
