@@ -304,9 +304,12 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     """Check that the force is where the model is, at `rows` (n,): how deep without one, or how far off with one, m.
 
     There is a force while the HIP is inside and goes deeper, and none while it is outside, each for `LAG_TICKS` rows,
-    by which a renderer may be late. A hand that has come out of another face is still held: see `_barred`. A surface
-    that holds from both sides (a scene that is `bilateral`) pulls outside: only the inside is judged then.
+    by which a renderer may be late. A hand that has come out of another face is still held: see `_barred`. It is not
+    asked of a surface that holds from both sides, which pulls outside, and whose law may push to turn the tool.
     """
+    if is_bilateral(recording):
+        why = "the surface holds from both sides: it pulls outside, and inside the force that turns the tool may cancel"
+        return ConsistencyTest(CONTACT_RELATION, why=f"{why} the spring's")
     place = recording.channels.get("measured_hip", recording.hip)
     distance, allowed = _distance(recording, rows, model), _allowed(recording, rows)
     # Signed distances: negative inside. `bare` lacks a force inside, `away` has one outside, for LAG_TICKS rows.
@@ -321,7 +324,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed - unfelt)
-    away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
+    away = (size > floor) & (nearest > allowed)
     away &= ~_barred(recording, np.flatnonzero(away), place, distance, model)
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
     issues = []
