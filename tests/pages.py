@@ -88,7 +88,8 @@ class Reader:
         self.folder = folder
         self.names: dict[str, Any] = {"__name__": "__main__"}
         self.environment = {
-            **os.environ,
+            # A page's own pytest is no worker of the one that runs it.
+            **{name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")},
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "MPLBACKEND": "Agg",
         }
