@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -79,10 +80,11 @@ def hard_card(families: Sequence[DigitFamily]) -> Card | None:
     sentence = f"At least {worst.digits:.0f} of {DOUBLE_DIGITS} digits are kept, fewest {worst.title}: {worst.case}."
     if coarse:
         sentence += " What declares a coarse model of its own (hollow) keeps as few as that gives."
+    labels = [textwrap.shorten(family.title, LABEL_LENGTH, placeholder=" ...") for family in families]
     data = _rows_data(
         "fewest decimal digits that answers keep, by family of hard cases",
         Axis(label=f"digits kept; {ASKED_DIGITS} are asked for", range=(-0.5, DOUBLE_DIGITS + 0.5)),
-        [family.title for family in families], curves, rules=[Rule(x=ASKED_DIGITS, role="mark", dash=(4, 2))],
+        labels, curves, rules=[Rule(x=ASKED_DIGITS, role="mark", dash=(4, 2))],
     )  # fmt: skip
     return Card("hard-cases", "Hard cases", sentence, data)
 
@@ -128,3 +130,7 @@ def _uncalled_words(bench: BenchResults | None) -> str:
         return ", and run the renderer as its factory made it."
     same = "the same" if bench.uncalled.same_law else "another"
     return f": {same} law object runs as without the machinery, and takes {bench.uncalled.ratio:.2f} times as long."
+
+
+LABEL_LENGTH = 28
+"""Characters of a row's label for which a card has room."""
