@@ -64,8 +64,8 @@ def streams(hips):
 
 
 @compiled
-def nothing(_nodes, _cells, _frame, _everywhere, x, y):
-    return 1, x, y, x, y
+def nothing(_table, _hip, _ihip, _normal):
+    return 1
 
 
 def keep(benchmark, way: str, count: int) -> None:
@@ -123,12 +123,12 @@ def test_map_coordinates(benchmark, where):
 @pytest.mark.parametrize("function", [nothing, look_up], ids=["empty call", "look-up"])
 def test_one_at_a_time(benchmark, function):
     benchmark.group = "look-up table, one at a time"
-    nodes, cells, frame = table()._arrays
-    assert look_up(nodes, cells, frame, False, *AT)[0] == TOUCHES
+    arrays, hip, ihip, normal = table().arrays, np.array(AT), np.empty(2), np.empty(2)
+    assert look_up(arrays, hip, ihip, normal) == TOUCHES
 
     def ask():
         for _ in range(CALLS):
-            function(nodes, cells, frame, False, *AT)
+            function(arrays, hip, ihip, normal)
 
     benchmark.pedantic(ask, rounds=20, warmup_rounds=2)
     way = "empty call" if function is nothing else "one look-up"
