@@ -1,11 +1,14 @@
-"""Draw the pictures of docs/moving-bodies.md into `pictures`."""
+"""Draw the pictures of docs/moving-bodies.md into `pictures`, with a wrong renderer that tests the checks."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "meta"))
 
-from hapticeval import AtRest
+import numpy as np
+from led_astray import OfLastTick
+
 from hapticeval.discovery import resolve
 from hapticeval.recordings.world import in_world, poses_of
 from hapticeval.reports.canvas import figure
@@ -17,21 +20,6 @@ PICTURES = Path("pictures")
 PICTURES.mkdir(exist_ok=True)
 SUITE = load_suite("moving")
 INK, TOOL, WRONG = "#1c1f23", "#d55e00", "#0072b2"
-
-
-class OfLastTick(AtRest):
-    """Takes the hand into the body's frame, and the answer back, by the pose of the tick before."""
-
-    def place(self, rotation, translation):
-        """Take a pose, and use the one before it."""
-        super().place(rotation, translation)
-        self.now, self.pose = self.pose, self.before
-
-    def step(self, hip, velocity, dt):
-        """Answer one tick in the world."""
-        answer = super().step(hip, velocity, dt)
-        self.pose = self.now
-        return answer
 
 
 def made_wrongly(scene):

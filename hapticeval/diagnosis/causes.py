@@ -87,7 +87,7 @@ class Deviation:
     noise: float = 0.0
 
     @property
-    def asked(self) -> Array:
+    def right_force(self) -> Array:
         """The force that the contact asks for, (n, N), N."""
         return self.contact.force
 
@@ -121,33 +121,37 @@ def gain_words(gain: float) -> str:
 def units(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that is reversed, and one in a unit that is taken for another."""
     yield Cause(
-        "sign", "the force is reversed: it pulls where it should push", deviation.left_by(-deviation.asked), 0.5, {}
+        "sign",
+        "the force is reversed: it pulls where it should push",
+        deviation.left_by(-deviation.right_force),
+        0.5,
+        {},
     )
     common, own, total = (
-        float(np.sum(deviation.force * deviation.asked)),
-        power(deviation.asked),
+        float(np.sum(deviation.force * deviation.right_force)),
+        power(deviation.right_force),
         power(deviation.force),
     )
     for name, factor in MISTAKEN_UNITS.items():
         left = total - 2.0 * factor * common + factor**2 * own
         # The difference of large numbers is rounded: the best is worked out exactly.
         if left < 0.01 * total + 1e-300:
-            left = deviation.left_by(factor * deviation.asked)
+            left = deviation.left_by(factor * deviation.right_force)
         words = f"the unit is wrong ({name}): {text(factor)} times the force"
         yield Cause("unit", words, max(left, 0.0), 0.5, {"gain": factor})
 
 
 def delays(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that comes late, alone and with a gain."""
-    force, asked, step = deviation.force, deviation.asked, deviation.contact.step
+    force, right_force, step = deviation.force, deviation.right_force, deviation.contact.step
     most = int(min(MOST_DELAY / step, len(force) // 3))
     for free_gain in (False, True):
-        fit = fit_delay(force, asked, most=most, early=deviation.noisy, free_gain=free_gain)
+        fit = fit_delay(force, right_force, most=most, early=deviation.noisy, free_gain=free_gain)
         if abs(fit.ticks) <= (LEAST_LOGGED_DELAY if deviation.noisy else LEAST_DELAY):
             continue
         words, numbers = f"the force comes {late(fit.ticks, step)}", {"ticks": fit.ticks, "seconds": fit.ticks * step}
         # A renderer that starts in contact has no past: what it answers then is its first answer, or nothing.
-        model = delayed(asked, fit.ticks)
+        model = delayed(right_force, fit.ticks)
         unseen = int(np.ceil(max(fit.ticks, 0.0)))
         left = (
             min(fit.left, power((force - fit.gain * model)[unseen:]) + 1e-300)
@@ -157,9 +161,9 @@ def delays(deviation: Deviation) -> Iterator[Cause]:
         if not free_gain:
             yield Cause("lag", words, left, 1.0, numbers)
             touches = deviation.contact.touches
-            ticks = fit_delay_within(force, asked, touches, most=most)
+            ticks = fit_delay_within(force, right_force, touches, most=most)
             if ticks:  # late in contact alone: in free space it is what the hand is given now
-                in_contact = deviation.left_by(np.where(touches[:, None], delayed(asked, ticks), 0.0))
+                in_contact = deviation.left_by(np.where(touches[:, None], delayed(right_force, ticks), 0.0))
                 contact_words = f"the force comes {late(ticks, step)} in contact"
                 yield Cause("lag", contact_words, in_contact, 1.5, {"ticks": float(ticks), "seconds": ticks * step})
             # The delay and a constant force: the mean of what is left.
@@ -172,9 +176,9 @@ def delays(deviation: Deviation) -> Iterator[Cause]:
 
 def filters(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force behind a first-order low-pass filter, alone, with a gain, and with a constant force."""
-    force, asked, step = deviation.force, deviation.asked, deviation.contact.step
+    force, right_force, step = deviation.force, deviation.right_force, deviation.contact.step
     for free_gain, biased in ((False, False), (True, False), (False, True)):
-        fit = fit_low_pass(force, asked, exact=not deviation.noisy, free_gain=free_gain, biased=biased)
+        fit = fit_low_pass(force, right_force, exact=not deviation.noisy, free_gain=free_gain, biased=biased)
         if fit.share >= 0.9999:
             continue
         constant = step * (1.0 - fit.share) / fit.share  # as a step of the implicit Euler method has it
@@ -194,18 +198,18 @@ def filters(deviation: Deviation) -> Iterator[Cause]:
 
 def filters_in_contact(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force behind a first-order low-pass filter that begins at zero with each contact."""
-    force, asked, touches = deviation.force, deviation.asked, deviation.contact.touches
+    force, right_force, touches = deviation.force, deviation.right_force, deviation.contact.touches
     if deviation.noisy:
         return
     before = np.concatenate([np.zeros((1, force.shape[1])), force[:-1]])
     rows = np.flatnonzero(touches)
-    driven = asked[rows] - before[rows]
+    driven = right_force[rows] - before[rows]
     share = float(np.clip(np.sum((force - before)[rows] * driven) / max(power(driven), 1e-300), 1e-4, 1.0))
     if share >= 0.9999:
         return
     model = np.zeros_like(force)
     for first, end in stretches_of(touches):
-        model[first:end] = low_passed(asked[first:end], share, np.zeros(force.shape[1]))
+        model[first:end] = low_passed(right_force[first:end], share, np.zeros(force.shape[1]))
     constant = deviation.contact.step * (1.0 - share) / share
     rate = text(0.5 / np.pi / constant)
     words = f"the force is low-passed in contact, with a time constant of {text(1e3 * constant)} ms ({rate} Hz)"
@@ -218,11 +222,11 @@ def holds(deviation: Deviation) -> Iterator[Cause]:
     if deviation.noisy:
         step = deviation.contact.step
         most = int(min(MOST_DELAY / step, len(deviation.force) // 3, 30))
-        fit = fit_delay(deviation.force, deviation.asked, most=most, early=True, free_gain=False)
+        fit = fit_delay(deviation.force, deviation.right_force, most=most, early=True, free_gain=False)
         if fit.ticks < LEAST_LOGGED_DELAY:
             return
         around = round(2.0 * fit.ticks + 1.0)
-    hold = fit_hold(deviation.force, deviation.asked, around)
+    hold = fit_hold(deviation.force, deviation.right_force, around)
     if hold is not None:
         ticks, left = hold
         rate = text(1.0 / (ticks * deviation.contact.step))
@@ -231,16 +235,16 @@ def holds(deviation: Deviation) -> Iterator[Cause]:
 
 def sums(deviation: Deviation) -> Iterator[Cause]:
     """Yield what adds up: a gain, constant and growing forces, drag, friction, dampers; each of them, and pairs."""
-    contact, force, asked = deviation.contact, deviation.force, deviation.asked
+    contact, force, right_force = deviation.contact, deviation.force, deviation.right_force
     dimension, on = force.shape[1], contact.touches[:, None]
-    size = np.linalg.norm(asked, axis=1, keepdims=True)
+    size = np.linalg.norm(right_force, axis=1, keepdims=True)
     seconds = contact.time - contact.time[0]
     # Under noise the direction of a slow slide is not known: 1 mm/s softens it.
     speed = np.sqrt(np.sum(contact.slide**2, axis=1, keepdims=True) + (1e-6 if deviation.noisy else 0.0))
     along = np.divide(contact.slide, speed, out=np.zeros_like(force), where=speed > 0.0)
     axes = np.eye(dimension)
     columns: dict[str, list[Array]] = {
-        "gain": [asked],
+        "gain": [right_force],
         "bias": [np.broadcast_to(axis, force.shape) for axis in axes],
         "drift": [np.outer(seconds, axis) for axis in axes],
         "drag": [-contact.slide],
@@ -248,13 +252,15 @@ def sums(deviation: Deviation) -> Iterator[Cause]:
         "damping": [-contact.velocity * on],
         "damping everywhere": [-contact.velocity],
         "normal damping": [-(contact.normal_speed * contact.touches)[:, None] * contact.normal],
-        "gain with time": [asked * seconds[:, None]],
-        "gain with depth": [asked * np.maximum(contact.depth, 0.0)[:, None]],
-        "gain with place": [asked * (contact.point - contact.point[0])[:, axis, None] for axis in range(dimension)],
+        "gain with time": [right_force * seconds[:, None]],
+        "gain with depth": [right_force * np.maximum(contact.depth, 0.0)[:, None]],
+        "gain with place": [
+            right_force * (contact.point - contact.point[0])[:, axis, None] for axis in range(dimension)
+        ],
     }
     basis = np.array([column.ravel() for group in columns.values() for column in group])
-    products, common = basis @ basis.T, basis @ (force - asked).ravel()
-    total = deviation.left_by(asked)
+    products, common = basis @ basis.T, basis @ (force - right_force).ravel()
+    total = deviation.left_by(right_force)
     places, start = {}, 0
     for kind, group in columns.items():
         places[kind] = list(range(start, start + len(group)))
@@ -309,9 +315,9 @@ def _drag_into_a_notch(deviation: Deviation) -> Iterator[Cause]:
     last = np.maximum.accumulate(np.where(contact.touches & ~contact.cornered, np.arange(len(contact.time)), 0))
     face = contact.normal[last]
     slide = (contact.velocity - dot_rows(contact.velocity, face)[:, None] * face) * contact.touches[:, None]
-    damper = float(np.sum((deviation.asked - deviation.force) * slide)) / max(power(slide), 1e-300)
+    damper = float(np.sum((deviation.right_force - deviation.force) * slide)) / max(power(slide), 1e-300)
     words = f"it drags along the surface, by {text(damper)} N s/m"
-    yield Cause("drag", words, deviation.left_by(deviation.asked - damper * slide), 1.2, {"drag": [damper]})
+    yield Cause("drag", words, deviation.left_by(deviation.right_force - damper * slide), 1.2, {"drag": [damper]})
 
 
 def signed_axes(dimension: int) -> list[Array]:
@@ -325,17 +331,17 @@ def signed_axes(dimension: int) -> list[Array]:
 
 def matrices(deviation: Deviation) -> Iterator[Cause]:
     """Yield other axes, other signs, a turned frame, a gain of each axis, and crosstalk: a matrix on what is asked."""
-    force, asked = deviation.force, deviation.asked
+    force, right_force = deviation.force, deviation.right_force
     dimension = force.shape[1]
     names = "xyz"
-    common, own, total = force.T @ asked, asked.T @ asked, power(force)
+    common, own, total = force.T @ right_force, right_force.T @ right_force, power(force)
 
     def left_by(matrix: Array) -> float:
         """Return what a matrix leaves, to about 1e-16 of the whole power."""
         return max(total - 2.0 * float(np.sum(matrix * common)) + float(np.sum((matrix @ own) * matrix)), 0.0)
 
     def exactly(matrix: Array) -> float:
-        return deviation.left_by(asked @ matrix.T)
+        return deviation.left_by(right_force @ matrix.T)
 
     best = min((matrix for matrix in signed_axes(dimension) if abs(np.trace(matrix)) < dimension - 0.5), key=left_by)
     axes = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in best]
@@ -358,7 +364,7 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
         yield Cause("gain of an axis", words, exactly(matrix), 1.2, {"axis": names[axis], "gain": float(gains[axis])})
     for to, source in permutations(range(dimension), 2):
         if seen[source]:
-            share = float((force[:, to] - asked[:, to]) @ asked[:, source] / own[source, source])
+            share = float((force[:, to] - right_force[:, to]) @ right_force[:, source] / own[source, source])
             matrix = np.eye(dimension)
             matrix[to, source] = share
             words = f"crosstalk: {text(share)} of the force along {names[source]} acts along {names[to]} too"
@@ -376,31 +382,31 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
 
 def limits(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that stays below a level, and one that is silent up to one: as a whole, and axis by axis."""
-    force, asked = deviation.force, deviation.asked
-    size = np.linalg.norm(asked, axis=1)
+    force, right_force = deviation.force, deviation.right_force
+    size = np.linalg.norm(right_force, axis=1)
     if not size.any():
         return
-    level = fit_level(dot_rows(force, unit_rows(asked)), size)
+    level = fit_level(dot_rows(force, unit_rows(right_force)), size)
     if level < 0.9999 * size.max():
-        model = asked * np.minimum(1.0, level / np.maximum(size, 1e-300))[:, None]
+        model = right_force * np.minimum(1.0, level / np.maximum(size, 1e-300))[:, None]
         yield Cause(
             "limit", f"the force never exceeds {text(level)} N", deviation.left_by(model), 1.0, {"newtons": level}
         )
-    level = fit_level((force * np.sign(asked)).ravel(), np.abs(asked).ravel())
-    if level < 0.9999 * np.abs(asked).max():
+    level = fit_level((force * np.sign(right_force)).ravel(), np.abs(right_force).ravel())
+    if level < 0.9999 * np.abs(right_force).max():
         words = f"each component of the force is cut at {text(level)} N"
         yield Cause(
-            "limit of each axis", words, deviation.left_by(np.clip(asked, -level, level)), 1.0, {"newtons": level}
+            "limit of each axis", words, deviation.left_by(np.clip(right_force, -level, level)), 1.0, {"newtons": level}
         )
-    for kind, sizes in (("dead band", size[:, None]), ("dead band of each axis", np.abs(asked))):
+    for kind, sizes in (("dead band", size[:, None]), ("dead band of each axis", np.abs(right_force))):
         # The level below which silence saves most: sorted by size, what it saves is a running sum.
-        sizes_of_all = np.broadcast_to(sizes, asked.shape).ravel()
+        sizes_of_all = np.broadcast_to(sizes, right_force.shape).ravel()
         order = np.argsort(sizes_of_all)
-        saved = np.concatenate([[0.0], np.cumsum((force**2 - (force - asked) ** 2).ravel()[order])])
+        saved = np.concatenate([[0.0], np.cumsum((force**2 - (force - right_force) ** 2).ravel()[order])])
         silent = int(np.argmin(saved))
         if saved[silent] < 0.0 and 0 < silent < sizes_of_all.size:
             level = float(sizes_of_all[order][silent - 1])
-            model = np.where(sizes <= level, 0.0, asked)
+            model = np.where(sizes <= level, 0.0, right_force)
             words = f"{kind}: no force where less than {text(level)} N are asked"
             yield Cause(kind, words, deviation.left_by(model), 1.1, {"newtons": level})
 
@@ -445,12 +451,12 @@ def depths(deviation: Deviation) -> Iterator[Cause]:
 
 def gains_by(deviation: Deviation) -> Iterator[Cause]:
     """Yield a gain that differs where a depth, a speed, a place, a normal or the time is within an interval."""
-    contact, force, asked = deviation.contact, deviation.force, deviation.asked
-    size = np.linalg.norm(asked, axis=1)
+    contact, force, right_force = deviation.contact, deviation.force, deviation.right_force
+    size = np.linalg.norm(right_force, axis=1)
     rows = np.flatnonzero(contact.touches & (size > SMALLEST_SHARE * size.max()))
     if rows.size <= 50:
         return
-    common, own = dot_rows(force[rows], asked[rows]), size[rows] ** 2
+    common, own = dot_rows(force[rows], right_force[rows]), size[rows] ** 2
     names = "xyz"[: force.shape[1]]
     seconds = contact.time - contact.time[0]
     quantities = {
@@ -474,7 +480,7 @@ def gains_by(deviation: Deviation) -> Iterator[Cause]:
         if unit:
             gains = fit_curve(values, common, own)
             least, most = float(gains.min()), float(gains.max())
-            model = asked.copy()
+            model = right_force.copy()
             model[rows] *= gains[:, None]
             measures = {"mm": "depth", "mm/s": "speed", "s": "time"}
             what = f"place along {kind[6]}" if "where" in kind else measures[unit]
@@ -491,7 +497,7 @@ def gains_by(deviation: Deviation) -> Iterator[Cause]:
         share = float(interval.inside.mean())
         if text(inner) == text(outer) or (deviation.noisy and min(share, 1.0 - share) < FEWEST_LOGGED):
             continue
-        model = asked.copy()
+        model = right_force.copy()
         model[rows] *= np.where(interval.inside, inner, outer)[:, None]
         gained = gain_words(inner) if abs(inner) > 1e-9 else "the force is missing"
         words = f"{gained} {_interval_words(kind, interval.low, interval.high, unit)}"
@@ -514,8 +520,8 @@ def _interval_words(kind: str, low: float, high: float, unit: str) -> str:
 
 def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that outlasts the contact, one that is gone before it ends, and one that is missing within."""
-    contact, force, asked = deviation.contact, deviation.force, deviation.asked
-    size, felt = np.linalg.norm(asked, axis=1), np.linalg.norm(force, axis=1)
+    contact, force, right_force = deviation.contact, deviation.force, deviation.right_force
+    size, felt = np.linalg.norm(right_force, axis=1), np.linalg.norm(force, axis=1)
     if not contact.touches.any():
         return
     silent_below = 4.0 * deviation.noise + 1e-9 * float(size.max())
@@ -523,7 +529,7 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
     since = rows - np.maximum.accumulate(np.where(contact.touches, rows, -len(rows)))
     after = ~contact.touches & (felt > silent_below)
     if after.any() and (since[after] < len(rows)).all():
-        model = asked.copy()
+        model = right_force.copy()
         model[after] = force[after]
         seconds, largest = float(since[after].max()) * contact.step, float(felt[after].max())
         words = f"a force of up to {text(largest)} N outlasts the contact by {text(1e3 * seconds)} ms"
@@ -533,11 +539,11 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
         # The depth below which silence on the way out saves most.
         order = leaving[np.argsort(contact.depth[leaving])]
         saved = np.cumsum(
-            dot_rows(force[order], force[order]) - dot_rows((force - asked)[order], (force - asked)[order])
+            dot_rows(force[order], force[order]) - dot_rows((force - right_force)[order], (force - right_force)[order])
         )
         last = int(np.argmin(saved))
         if saved[last] < 0.0:
-            model = asked.copy()
+            model = right_force.copy()
             model[order[: last + 1]] = 0.0
             depth = float(contact.depth[order[last]])
             words = f"the force lets go on the way out, {text(1e3 * depth)} mm below the surface"
@@ -549,7 +555,7 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
     stretches = 1 + int(np.count_nonzero(np.diff(missing.astype(int)) > 0))
     seconds = np.count_nonzero(missing) * contact.step
     words = f"the force is missing for {text(1e3 * seconds)} ms of the contact"
-    model = np.where(missing[:, None], 0.0, asked)
+    model = np.where(missing[:, None], 0.0, right_force)
     yield Cause("missing force", words, deviation.left_by(model), 3.0 * stretches, {"seconds": float(seconds)})
 
 
@@ -558,8 +564,8 @@ def spikes(deviation: Deviation) -> Iterator[Cause]:
     contact, step = deviation.contact, deviation.contact.step
     if deviation.noisy:
         return
-    residual = np.linalg.norm(deviation.force - deviation.asked, axis=1)
-    off = residual > 1e-6 * max(float(residual.max()), float(np.linalg.norm(deviation.asked, axis=1).max()))
+    residual = np.linalg.norm(deviation.force - deviation.right_force, axis=1)
+    off = residual > 1e-6 * max(float(residual.max()), float(np.linalg.norm(deviation.right_force, axis=1).max()))
     count = int(np.count_nonzero(off))
     if count == 0 or count > SPIKE_SHARE * int(np.count_nonzero(contact.touches)):
         return

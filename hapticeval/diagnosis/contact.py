@@ -129,20 +129,22 @@ def right_contact(
     with given points may have no known `boundary`: nothing is then known outside of it. Without a `velocity` (n, N),
     m/s, it is fitted to the hand, as encoders ask for.
     """
-    closest = None if boundary is None else boundary.closest_point(hip)
     if velocity is None:
         step = float((time[-1] - time[0]) / (len(time) - 1))
         rows = min(SMOOTHED_ROWS, 2 * (len(hip) // 4) + 1)
         velocity = savgol_filter(hip, rows, 2, deriv=1, delta=step, axis=0) if rows > 2 else np.zeros_like(hip)
-    if points is None:
-        assert boundary is not None, "a tool is led on a boundary"
-        points = lead_tool(boundary, hip)
-    point = points
+    if boundary is None:
+        assert points is not None, "a tool is led on a boundary"
+        point, normal_outside, distance = points, np.zeros_like(hip), np.zeros(len(hip))
+    else:
+        closest = boundary.closest_point(hip)
+        point = lead_tool(boundary, hip) if points is None else points
+        normal_outside, distance = closest.normal, closest.distance
     reach = point - hip
     inside = np.linalg.norm(reach, axis=1)
     touches = inside > 1e-12
-    normal = np.where(touches[:, None], unit_rows(reach), 0.0 if closest is None else closest.normal)
-    depth = np.where(touches, inside, 0.0 if closest is None else np.minimum(-closest.distance, 0.0))
+    normal = np.where(touches[:, None], unit_rows(reach), normal_outside)
+    depth = np.where(touches, inside, np.minimum(-distance, 0.0))
     damper = np.where(touches, damping * dot_rows(velocity, normal), 0.0)
     force = stiffness * reach - damper[:, None] * normal
     return RightContact(time, hip, velocity, point, normal, depth, touches, force, stiffness)

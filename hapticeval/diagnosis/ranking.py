@@ -115,8 +115,8 @@ def diagnose(
     `noisy` is a measured log. `tolerance` (m) is how far the surface may lie off the model. `again` is the force of
     the same path a second time. With the `boundary`, positions in another unit or frame are tried of a log.
     """
-    asked = contact.force
-    scale = max(power(asked), 1e-30)
+    right_force = contact.force
+    scale = max(power(right_force), 1e-30)
     if again is not None and power(force - again) > (EXACT**2) * 1e-6 * scale:
         share = float(np.sqrt(power(force - again) / 2.0 / scale))
         words = f"it is random: the same path again differs by {100.0 * share:.2g} % of the force"
@@ -124,7 +124,7 @@ def diagnose(
     too_few = np.count_nonzero(contact.touches) < FEWEST_TOUCHING
     if too_few and not (noisy and boundary is not None):
         return Diagnosis(False)
-    noise = white_noise(force - asked) if noisy else np.zeros(force.shape[1])
+    noise = white_noise(force - right_force) if noisy else np.zeros(force.shape[1])
     noise_power = float(np.sum(noise**2)) * len(force)
     encoder_power = 0.0
     if noisy:
@@ -134,7 +134,7 @@ def diagnose(
         hand_noise = contact.stiffness**2 * float(np.sum(white_noise(contact.hip) ** 2))
         encoder_power = max(hand_noise, hand_rounding) * len(force)
     floor = EXACT**2 * scale + encoder_power + (contact.stiffness * tolerance) ** 2 * len(force)
-    total = power(force - asked)
+    total = power(force - right_force)
     force_is_right = not noisy and total <= 4.0 * floor
     tool = None if ihip is None else _diagnose_tool(contact, ihip, tolerance)
     # The force is right in spite of the contact point, or that of a spring to it.
@@ -152,6 +152,8 @@ def diagnose(
         and min([cause.left for cause in causes], default=total) > ALL_BUT_NOISE * noise_power
     ):
         causes += placement_causes(contact, force, boundary)
+    if not causes:  # nothing touches, and nothing but noise is felt
+        return Diagnosis(False)
     found = _diagnose_force(deviation, causes, total, scale, floor, noise_power, encoder_power)
     if tool is not None and found.off:
         return replace(found, of="both")
@@ -187,11 +189,9 @@ def _diagnose_force(
     encoder_power: float,
 ) -> Diagnosis:
     """Say which of `causes` a force is off by: `total` (N^2) of it is not what is asked, and `noise_power` is white."""
-    if total == 0.0 or (not causes and total < RIGHT_LOG * noise_power):
+    if total == 0.0:
         return Diagnosis(False)
     samples = SAMPLES
-    if not causes:
-        return Diagnosis(True, "force")
     if deviation.noisy:
         best = min(causes, key=lambda cause: cause.left * (1.0 + 0.01 * cause.cost))
         # What is left above the white noise is a model's error, which stays over many rows: it counts for fewer.
@@ -208,7 +208,7 @@ def _diagnose_force(
     chosen = _choose(ranked, total, noise_power, "force", samples, floor, noisy=deviation.noisy)
     if deviation.noisy and chosen.cause is None:
         # What no cause explains, and is in a few rows alone, is an edge that the log passes some ticks late.
-        residual = np.sort(np.sum((deviation.force - deviation.asked) ** 2, axis=1))
+        residual = np.sort(np.sum((deviation.force - deviation.right_force) ** 2, axis=1))
         few = int(FEWEST_LOGGED * np.count_nonzero(deviation.contact.touches))
         if float(residual[: len(residual) - few].sum()) < RIGHT_LOG * noise_power + floor:
             return Diagnosis(False)

@@ -50,20 +50,20 @@ def tool_causes(ihip: Array, contact: RightContact) -> Iterator[Cause]:
         constant = step * (1.0 - fit_filter.share) / fit_filter.share
         words = f"the contact point is low-passed, with a time constant of {text(1e3 * constant)} ms"
         yield Cause("low-pass", words, fit_filter.left, 1.0, {"seconds": constant})
-    kept, gone = apart & ~contact.touches, ~apart & contact.touches
-    if kept.any():
-        reach = float(np.sqrt(off[kept].max()))
+    apart_in_free_space, lost_in_contact = apart & ~contact.touches, ~apart & contact.touches
+    if apart_in_free_space.any():
+        reach = float(np.sqrt(off[apart_in_free_space].max()))
         words = f"the contact point is up to {text(1e3 * reach)} mm off the hand in free space"
-        yield Cause("residue", words, right - float(off[kept].sum()), 3.0, {"metres": reach})
-    leaving = gone & (contact.normal_speed > 0.0)
+        yield Cause("residue", words, right - float(off[apart_in_free_space].sum()), 3.0, {"metres": reach})
+    leaving = lost_in_contact & (contact.normal_speed > 0.0)
     if leaving.any():
         depth = float(contact.depth[leaving].max())
         words = f"the tool lets go on the way out, {text(1e3 * depth)} mm below the surface"
         yield Cause("early release", words, right - float(off[leaving].sum()), 2.0, {"metres": depth})
-    if gone.any():
-        depth, seconds = float(contact.depth[gone].max()), float(np.count_nonzero(gone)) * step
+    if lost_in_contact.any():
+        depth, seconds = float(contact.depth[lost_in_contact].max()), float(np.count_nonzero(lost_in_contact)) * step
         words = f"the contact is lost for {text(1e3 * seconds)} ms, up to {text(1e3 * depth)} mm inside the model"
-        yield Cause("contact lost", words, right - float(off[gone].sum()), 2.5, {"metres": depth})
+        yield Cause("contact lost", words, right - float(off[lost_in_contact].sum()), 2.5, {"metres": depth})
 
 
 def _lag(ticks: float, step: float, left: float, cost: float = 1.0) -> Cause:
