@@ -42,7 +42,7 @@ def _strikes_as_a_spring(declared: Declared, finding: Finding) -> bool:
     if impulse is None or rigid_impulse is None:
         return False
     # A soft spring may not have stopped a tool yet that slides off its face.
-    if facts.stopped_after_ms is None and not facts.left_pressed:
+    if facts.stopped_after_ms is None and not facts.pressed_until_left:
         return False
     return 0.0 <= impulse <= max(rigid_impulse, (1.0 + IMPULSE_ROUNDING) * (facts.spring_impulse_Ns or 0.0))
 

@@ -87,7 +87,7 @@ class Facts:
     impulse_in_window_Ns: float | None = None
     spring_impulse_Ns: float | None = None
     stopped_after_ms: float | None = None
-    left_pressed: bool | None = None
+    pressed_until_left: bool | None = None
     force_over_spring: float | None = None
     deepest_m: float | None = None
     off_surface_m: float | None = None

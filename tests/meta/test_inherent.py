@@ -16,6 +16,7 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.runner.standing import Standing
+from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
@@ -244,3 +245,34 @@ def test_what_explain_says_of_declaring_is_python_that_declares_it(limit):
     exec(declaration_words(limit.declared).split(", or")[0], names)
     assert names["declares"] != Declaration()
     assert not names["declares"].faults
+
+
+class Halved(Declared):
+    """Half the force that its declared spring gives."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, 0.5 * force)
+
+
+@pytest.mark.parametrize(("factory", "excused"), [(Declared, True), (Halved, False)], ids=["spring", "half of it"])
+def test_a_soft_spring_that_a_tool_slides_off_before_it_is_stopped_is_excused_where_it_pressed_as_declared(
+    factory, excused
+):
+    case = Case(
+        name="slides-off",
+        title="A tool flies into the end of an L, and slides off it",
+        model={"kind": "l-block", "size": 0.1, "thickness": 0.04, "length": 0.1},
+        checks=("impulsive-collision",),
+        scene={"mass": 0.3, "stiffness": 200.0},
+        experiment=ExperimentTable(
+            duration=0.4,
+            position=[0.016, -0.0275, -0.052],
+            velocity=[-0.64, 0.0, 0.18],
+            force=[[0.0, -0.5, 0.0, 4.0], [0.4, -2.0, 0.0, 3.5]],
+        ),
+    )
+    (verdict,) = judge(factory, "sliding", "suite", case).verdicts
+    assert verdict.outcome is Outcome.FAIL
+    assert verdict.finding.facts.stopped_after_ms is None
+    assert bool(verdict.inherent) is excused

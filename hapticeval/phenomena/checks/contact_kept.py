@@ -83,10 +83,10 @@ def _judge_barred(base: Observed, grain: float, moved: Array, allowed: Array) ->
         away = float(base.distance.min())
         reason = "the hand is never led into the model, and the tool never in contact"
         # So far off that somebody may have taken millimetres for metres.
-        if away > scene.model.size:
+        is_far = away > scene.model.size
+        if is_far:
             reason += f"; the hand stays {mm(away)} away, farther than the model is large: is its unit the metre?"
-            return undecided(reason)
-        if not base.stays_free:
+        if is_far or not base.stays_free:
             return undecided(reason)
         return Finding(Outcome.PASS, FREE_THROUGHOUT, CHECK.measured(0.0), float(allowed.max()))
     worst = worst_row(gap - allowed)

@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         impulse_in_window_Ns=removed,
         spring_impulse_Ns=_spring_impulse(base, normal, slice(struck, end)) if removed > required else None,
         stopped_after_ms=stopped_ms,
-        left_pressed=_is_pressed(base, normal, slice(struck, struck + left[0])) if left.size else None,
+        pressed_until_left=_is_pressed(base, normal, slice(struck, struck + left[0])) if left.size else None,
     )
     evidence = {
         **base.evidence_at(struck),

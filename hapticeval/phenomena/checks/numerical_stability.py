@@ -163,7 +163,7 @@ def _describe_excuse(change: float, rounding: float, declared: float, steep: flo
     how_far = f": they are off by up to {mm(change)}"
     if change <= rounding + declared:
         return f"{how_far}, within {what}"
-    return f"{how_far}, which {what} may cause: nudges of that change it by {mm(steep)}"
+    return f"{how_far}, which {what} may cause: nudges of that size change it by {mm(steep)}"
 
 
 CHECK = Check(
