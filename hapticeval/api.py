@@ -6,7 +6,6 @@ import dataclasses
 import pickle
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
@@ -81,7 +80,7 @@ def run(
         # A class of a notebook cannot travel to another process.
         chosen = dataclasses.replace(chosen, workers=0)
     # Locked before the plan is made, which takes seconds: of two runs that begin together one is refused.
-    with nullcontext() if chosen.output is None else locked_folder(chosen.output):
+    with locked_folder(chosen.output):
         planned = plan(as_tuple(suites, "suites", (str, Suite)), tuple(named), chosen, factories=factories)
         # The results that the folder holds now, before this run writes its own.
         if chosen.failed_first and chosen.output is not None and (chosen.output / RESULTS_FILE).exists():
@@ -164,12 +163,12 @@ def judge(
 
 def carry_out(planned: Plan, *, watch: Callable[[Event], None] | None = None, work: Work = run_job) -> Results:
     """Run the jobs of a plan and return the results; see `run` for `watch`, and `execute` for `work`."""
-    with nullcontext() if planned.options.output is None else locked_folder(planned.options.output):
+    with locked_folder(planned.options.output):
         return _carry_out(planned, watch, work)
 
 
 def _carry_out(planned: Plan, watch: Callable[[Event], None] | None, work: Work) -> Results:
-    """Do so in a folder that is locked."""
+    """Run the jobs of a plan whose folder, if it has one, is locked."""
     output = planned.options.output
     # Before anything is removed: an earlier run of another plan is refused, and its reports stay.
     earlier = read_earlier_run(planned, output) if planned.options.resume and output is not None else None

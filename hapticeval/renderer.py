@@ -402,12 +402,11 @@ class AtRest:
         self.before: Pose | None = None
 
     def __getattr__(self, name: str) -> Any:
+        if name == "renderer":  # of a copy that is not filled yet
+            raise AttributeError(name)
         # what it does not have itself: contact, surface, declares, ... and none that the renderer lacks
-        if name in ("renderer", "observe_force"):
-            if name == "renderer" or not hasattr(self.renderer, name):
-                raise AttributeError(name)
-            return self._observe_force
-        return getattr(self.renderer, name)
+        offered = getattr(self.renderer, name)
+        return self._observe_force if name == "observe_force" else offered
 
     def place(self, rotation: Array, translation: Array) -> None:
         """Take the pose of the body: `rotation` (N, N), and `translation` (N,), m; before `reset` and each `step`."""

@@ -69,7 +69,6 @@ SERIAL_SIZE = 8
 PARENT_CHECK_PERIOD = 1.0
 """Seconds between two looks of a process at whether its parent is still there."""
 
-
 FORKS = hasattr(os, "fork")
 """Whether the system can copy a process, which Windows cannot."""
 

@@ -23,6 +23,9 @@ ASKED_DIGITS = 9
 CARD_ROW, CARD_FRAME = 21, 50
 """Pixels of a row of a card's picture, and of what stands round the rows."""
 
+LABEL_LENGTH = 28
+"""Characters of a row's label for which a card has room."""
+
 MOST_KINDS = 7
 """Kinds of effects that a card has a row for."""
 
@@ -130,7 +133,3 @@ def _uncalled_words(bench: BenchResults | None) -> str:
         return ", and run the renderer as its factory made it."
     same = "the same" if bench.uncalled.same_law else "another"
     return f": {same} law object runs as without the machinery, and takes {bench.uncalled.ratio:.2f} times as long."
-
-
-LABEL_LENGTH = 28
-"""Characters of a row's label for which a card has room."""

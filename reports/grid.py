@@ -209,9 +209,9 @@ def headline(results: ResultsDocument) -> str:
         return "Every renderer refused every case"
     # A renderer that breaks in one line counts once, with its runs; what these lost is told there.
     broken = results.breakdowns
-    lost = sum(map(results.lost, results.stopping))
     # Incomplete runs have been dealt with: what is counted here did run.
-    unexpected = len(results.stopping) - lost
+    unexpected = len(results.stopping_by_itself)
+    lost = len(results.stopping) - unexpected
     standings = Counter(verdict.standing for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = [f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
@@ -324,11 +324,12 @@ def digit_families(results: ResultsDocument) -> list[DigitFamily]:
 
 def _fewest(counted: Iterable[VerdictEntry]) -> tuple[VerdictEntry, VerdictEntry | None]:
     """Return the verdict with the fewest digits, one at least, and that of renderers that declare a coarse model."""
-    verdicts = list(counted)
-    # A coarse model of the renderer's own leaves fewer digits, as it declares.
-    coarse = [verdict for verdict in verdicts if verdict.evidence.get("declared_m", 0.0) > 0.0]
-    exact = [verdict for verdict in verdicts if verdict not in coarse] or coarse
-    return min(exact, key=_digits_of), min(coarse, key=_digits_of, default=None)
+    exact: list[VerdictEntry] = []
+    coarse: list[VerdictEntry] = []
+    for verdict in counted:
+        # A coarse model of the renderer's own leaves fewer digits, as it declares.
+        (coarse if verdict.evidence.get("declared_m", 0.0) > 0.0 else exact).append(verdict)
+    return min(exact or coarse, key=_digits_of), min(coarse, key=_digits_of, default=None)
 
 
 def _digits_of(verdict: VerdictEntry) -> float:

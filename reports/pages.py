@@ -152,8 +152,7 @@ class ReportView:
     @property
     def unexpected_count(self) -> int:
         """How many verdicts are not as expected; those that one cause took away count as one."""
-        lost = sum(map(self.results.lost, self.results.stopping))
-        return len(self.results.stopping) - lost + len(self.results.breakdowns)
+        return len(self.results.stopping_by_itself) + len(self.results.breakdowns)
 
     @property
     def unexpected_standings(self) -> Sequence[Standing]:

@@ -50,7 +50,7 @@ def reproduce(
     """Compute figures, tables and experiments of the thesis, and compare them with the print.
 
     DIR/index.html shows them in the order of the thesis: pictures, what comes out here, what is in print, and why they
-    differ where they do. All of them take some two minutes.
+    differ where they do. All of them take about a minute of a processor.
 
     \b
     Examples:

@@ -30,13 +30,17 @@ REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables")
 
 
 @contextmanager
-def locked_folder(directory: Path) -> Iterator[None]:
+def locked_folder(directory: Path | None) -> Iterator[None]:
     """Make a folder for results, or take one that is empty or holds an earlier run or bench of ours, and lock it.
 
     Within the block nothing else may write there. A folder that is made here and holds nothing at the end goes again.
+    Without one nothing is done.
 
     Raises `InputError` for a folder with other files, where nothing can be written, and where another run does.
     """
+    if directory is None:
+        yield
+        return
     # Before anything is made: a folder that is not ours stays untouched.
     _check(directory)
     made = not directory.exists()

@@ -606,6 +606,11 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         """The verdicts that stop the gate of this run: what is not as expected, and with --strict more."""
         return [verdict for verdict in self.verdicts if self.stops(verdict)]
 
+    @cached_property
+    def stopping_by_itself(self) -> list[VerdictEntry]:
+        """Those of `stopping` that are not lost to a run that broke."""
+        return [verdict for verdict in self.stopping if not self.lost(verdict)]
+
     @property
     def strict_words(self) -> str:
         """Which of `stopping` would not stop a gate that is not strict, behind their number; "" where there is none."""

@@ -114,7 +114,7 @@ def with_poses(recording: Recording, scene: Scene | None) -> Recording:
         return recording
     ahead = recording.meta.get("lead_in_ticks", 0) * recording.meta.get("dt", 0.0)
     poses = scene.motion.pose(recording.time + ahead)
-    return replace(recording, channels={**recording.channels, **pose_channels(poses)})
+    return recording.with_channels(**pose_channels(poses))
 
 
 class Answers(NamedTuple):

@@ -157,7 +157,7 @@ def _at_some_lag(
         if not check.issues:
             break
         force = np.concatenate([recording.force[lag:], np.repeat(recording.force[-1:], lag, axis=0)])
-        earlier = replace(recording, channels={**recording.channels, "force": force})
+        earlier = recording.with_channels(force=force)
         check = check_of(earlier, rows[rows < len(recording) - lag])
         check = replace(check, notes=(*check.notes, f"the force is {plural(lag, 'row')} late"))
     return as_logged if check.issues else check

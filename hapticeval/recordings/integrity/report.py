@@ -137,9 +137,9 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     # Why rows are left out: marked as no measurement, named by an issue, or alone between others.
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for issue in report.issues:
-        if no_measurement(issue) and issue.first is not None and keep[issue.first : issue.end].any():
+        if no_measurement(issue) and keep[issue.first : issue.end].any():
             keep[issue.first : issue.end] = False
-            left.append(((issue.first, issue.end or 0), f"{issue.kind} in {issue.channel}"))
+            left.append(((issue.first or 0, issue.end or 0), f"{issue.kind} in {issue.channel}"))
     sound = stretches(recording, keep)
     for stretch in sound:
         keep[stretch.rows] = False
