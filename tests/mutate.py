@@ -3,12 +3,17 @@
     make mutants                                        all of phenomena, judging, suites and recordings: hours
     make mutants SAMPLE=60 SEED=1                       so many of them, drawn by a seed
     make mutants SAMPLE=20 TARGETS=hapticeval/phenomena/checks/broken_contact.py
+    python tests/mutate.py --sample 60 --without tests/meta/test_felt.py     may these tests go?
 
 First all tests run once, the recorded verdicts of whole suites among them, to see which of them reach which line, and
 how long each takes; what is known of a file of tests stays known while the file is the same. Of each mutant those that
 reach its line run then, the shortest first, until one fails: the mutant is killed. What survives is a test that is
 missing, or a mutant that computes the same: these stand in `survivors.toml` with the reason why, and are not counted.
 Only the tests of the first `SECONDS` run: what longer ones alone would kill survives as well.
+
+With `--without` mutants are of the lines alone that the tests of these files, or these tests, are known to reach. Each
+is tried on all other tests. Where it survives them, each of these tests is tried, and all that kill it are told: a test
+whose name is not told may go.
 
 No file is changed. Each mutant is tried in a fork of a process that has collected all tests: there the functions are
 given the mutant's code. Where what runs on import changes, a new process imports the mutant in place of the file.
@@ -37,7 +42,7 @@ import tempfile
 import time
 import tomllib
 import traceback
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -209,6 +214,18 @@ def mutant_of(file: Path, number: int) -> Mutant:
     source = ast.unparse(ast.fix_missing_locations(tree))
     name = file.relative_to(ROOT).as_posix()
     return Mutant(name, place.line, before, ast.unparse(place.shown), source, place.function)
+
+
+def reached_places(files: Iterable[Path], reach: Reach, tests: Sequence[str]) -> list[tuple[Path, int]]:
+    """Return the mutants, by module and number, in lines of functions that tests are known to reach."""
+    drawn = []
+    for file in files:
+        ordered = (place for place in places(ast.parse(file.read_text(encoding="utf-8"))) for _ in changes(place.node))
+        for number, place in enumerate(ordered):
+            line = reach.line(str(file), place.function, place.line) if place.function else None
+            if line and any(test.startswith(tuple(tests)) for test in reach.lines.get(line, ())):
+                drawn.append((file, number))
+    return drawn
 
 
 class Line(NamedTuple):
@@ -540,9 +557,10 @@ def warm_up(reach: Reach, items: dict[str, Any], loaded: Loaded) -> None:
         cache.cache_clear()
 
 
-def ordered_tests(mutant: Mutant, reach: Reach) -> list[str]:
+def ordered_tests(mutant: Mutant, reach: Reach, without: tuple[str, ...]) -> list[str]:
     """Return the tests that a mutant is tried on, the shortest first, up to `SECONDS` in all."""
-    ordered = sorted(reach.tests_of(mutant), key=lambda test: reach.seconds[test])
+    others = (test for test in reach.tests_of(mutant) if not test.startswith(without))
+    ordered = sorted(others, key=lambda test: reach.seconds[test])
     ends = itertools.accumulate(reach.seconds[test] for test in ordered)
     return [test for test, end in zip(ordered, ends, strict=True) if end <= SECONDS]
 
@@ -552,15 +570,18 @@ Run = Callable[[Sequence[str], Mutant | None, Any], int]
 
 
 class Court:
-    """Tells of mutants whether they survive their tests. A test that fails as all is kills nothing."""
+    """Tells of mutants whether they survive their tests. A test that fails as all is kills nothing.
 
-    def __init__(self, reach: Reach, run: Run) -> None:
-        self.reach, self.run = reach, run
+    `without` has the tests that may go, by how their names begin.
+    """
+
+    def __init__(self, reach: Reach, run: Run, without: tuple[str, ...]) -> None:
+        self.reach, self.run, self.without = reach, run, without
         self.trusted: set[str] = set()
 
     def survives(self, mutant: Mutant) -> bool | None:
         """Return whether all tests that reach a mutant pass; None where no test reaches it."""
-        tests = ordered_tests(mutant, self.reach)
+        tests = ordered_tests(mutant, self.reach, self.without)
         if not tests:
             return None
         while tests:
@@ -575,6 +596,12 @@ class Court:
             self.reach.failed.add(test)
             tests = tests[failed + 1 :]
         return True
+
+    def killers(self, mutant: Mutant) -> list[str]:
+        """Return all of the tests that may go that kill a mutant."""
+        tests = sorted(test for test in self.reach.tests_of(mutant) if test.startswith(self.without))
+        failing = (test for test in tests if self.failed([test], mutant) is not None)
+        return [test for test in failing if self.failed([test], None) is None]
 
     def failed(self, tests: Sequence[str], mutant: Mutant | None) -> int | None:
         """Return which of the tests fails first, and None where none does."""
@@ -611,14 +638,18 @@ class Tally:
     def __init__(self, total: int) -> None:
         self.total, self.told, self.killed, self.known = total, 0, 0, listed()
         self.survivors: list[Mutant] = []
+        self.needed: Counter[str] = Counter()
 
-    def tell(self, mutant: Mutant, survives: bool | None, seconds: float) -> None:
+    def tell(self, mutant: Mutant, survives: bool | None, killers: Sequence[str], seconds: float) -> None:
         reason = self.known.get((mutant.file, mutant.before, mutant.after))
         self.told += 1
         self.killed += survives is False
         words = {False: "killed", True: "survives", None: "survives, reached by no test"}[survives]
         because = f" ({reason})" if reason and survives is not False else ""
         print(f"[{self.told}/{self.total}] {words}{because}: {mutant.words} ({seconds:.0f} s)", flush=True)
+        for test in killers:
+            print(f"    killed by {test}", flush=True)
+        self.needed.update(killers)
         if survives is not False and reason is None:
             self.survivors.append(mutant)
 
@@ -628,6 +659,8 @@ class Tally:
         print(f"{self.killed} of {counted} killed ({share:.0f} %), {self.total - counted} as listed")
         for mutant in self.survivors:
             print(f"survives: {mutant.words}")
+        for test, count in sorted(self.needed.items()):
+            print(f"needed for {count}: {test}")
 
 
 def main(arguments: list[str]) -> int:
@@ -636,17 +669,31 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sample", type=int, help="try so many of the mutants")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", nargs="+", default=TESTS)
+    parser.add_argument(
+        "--without", nargs="+", default=(), metavar="TESTS", help="files of tests, or tests, that may go"
+    )
     options = parser.parse_args(arguments)
     for name in ("numpy", "scipy.optimize", "scipy.spatial", "scipy.interpolate", "numba", "shapely", "h5py"):
         importlib.import_module(name)  # once, before each process is forked
     files = modules(options.targets)
-    drawn = [(file, number) for file in files for number in range(count_in(file))]
+    reach = Reach(str(file) for file in modules(TARGETS) + files)
+    without = tuple(options.without)
+    if without:
+        reach.load()
+        drawn = reached_places(files, reach, without)
+    else:
+        drawn = [(file, number) for file in files for number in range(count_in(file))]
     if options.sample is not None:
         drawn = random.Random(options.seed).sample(drawn, min(options.sample, len(drawn)))
     mutants = [mutant_of(*place) for place in drawn]
     print(f"{len(mutants)} mutants of {len(files)} modules", flush=True)
     tally, left = Tally(len(mutants)), []
-    reach = Reach(str(file) for file in modules(TARGETS) + files)
+
+    def try_on(court: Court, mutant: Mutant) -> None:
+        began = time.monotonic()
+        survives = court.survives(mutant)
+        killers = [] if survives is False else court.killers(mutant)
+        tally.tell(mutant, survives, killers, time.monotonic() - began)
 
     def try_those_in_functions(items: dict[str, Any], loaded: Loaded) -> int:
         def run_here(tests: Sequence[str], mutant: Mutant | None, reached: Any) -> int:
@@ -661,14 +708,14 @@ def main(arguments: list[str]) -> int:
         for test in sorted(reach.failed & items.keys()):
             print(f"fails as it is, and is left out: {test}", flush=True)
         warm_up(reach, items, loaded)
-        court = Court(reach, run_here)
+        court = Court(reach, run_here, without)
         for mutant in mutants:
             if replacements(mutant, loaded):
-                began = time.monotonic()
-                tally.tell(mutant, court.survives(mutant), time.monotonic() - began)
+                try_on(court, mutant)
             else:
                 left.append(mutant)
-        told.write_bytes(pickle.dumps((tally.told, tally.killed, tally.survivors, reach.failed, left)))
+        state = tally.told, tally.killed, tally.survivors, tally.needed, reach.failed, left
+        told.write_bytes(pickle.dumps(state))
         return 0
 
     def run_anew(tests: Sequence[str], mutant: Mutant | None, reached: Any) -> int:
@@ -684,13 +731,12 @@ def main(arguments: list[str]) -> int:
         # This process imports nothing that is changed.
         if in_child(lambda: with_tests(options.tests, try_those_in_functions, files), seconds=1e6, alone=False):
             return 2
-        tally.told, tally.killed, tally.survivors, gone, left = pickle.loads(told.read_bytes())
+        tally.told, tally.killed, tally.survivors, tally.needed, gone, left = pickle.loads(told.read_bytes())
     reach.load()
     reach.failed |= gone
-    court = Court(reach, run_anew)
+    court = Court(reach, run_anew, without)
     for mutant in left:
-        began = time.monotonic()
-        tally.tell(mutant, court.survives(mutant), time.monotonic() - began)
+        try_on(court, mutant)
     tally.tell_all()
     return int(bool(tally.survivors))
 

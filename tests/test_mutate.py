@@ -90,3 +90,24 @@ def test_a_mutant_is_imported_in_place_of_its_module():
     code += "import hapticeval.quantity; print(hapticeval.quantity.number, hapticeval.quantity.__file__)"
     done = subprocess.run([sys.executable, "-c", code], cwd=mutate.ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["None", str(file)]
+
+
+def test_what_alone_kills_a_mutant_is_told_of_tests_that_may_go(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "ROOT", tmp_path)
+    file = tmp_path / "a.py"
+    file.write_text("def f(x):\n    return 2 * x\n\n\ndef g(x):\n    return 3 * x\n")
+    reach = mutate.Reach([str(file)])
+    reach.seconds = dict.fromkeys(("go.py::kills", "go.py::passes", "stay.py::passes"), 1.0)
+    reach.lines[mutate.Line("a.py", "f", "return 2 * x")] = set(reach.seconds)
+    reach.lines[mutate.Line("a.py", "g", "return 3 * x")] = {"stay.py::passes"}
+    drawn = mutate.reached_places([file], reach, ["go.py"])
+    assert {mutate.mutant_of(*place).function for place in drawn} == {"f"}
+
+    def run(tests, mutant, reached):
+        return mutate.KILLED if mutant and "go.py::kills" in tests else 0
+
+    mutant = mutate.mutant_of(*drawn[0])
+    court = mutate.Court(reach, run, ("go.py",))
+    assert court.survives(mutant)
+    assert court.killers(mutant) == ["go.py::kills"]
+    assert not mutate.Court(reach, run, ()).survives(mutant)
