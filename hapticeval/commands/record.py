@@ -426,7 +426,7 @@ def _make_scene(
 ) -> Scene:
     """The scene, on a model that the robot can reach."""
     from hapticeval.commands.arguments import model_named
-    from hapticeval.devices.workspace import require_in_workspace
+    from hapticeval.devices.device import require_in_workspace
     from hapticeval.scene import Scene
 
     touched = model_named(model)

@@ -143,7 +143,7 @@ def _device(device_table: str | Mapping[str, Any], mass: float, model: Model) ->
 
 def check_workspace(scene: Scene, experiment: Experiment) -> None:
     """Raise `InputError`, naming the point, where the robot cannot reach all of the model, or the start."""
-    from hapticeval.devices.workspace import require_in_workspace
+    from hapticeval.devices.device import require_in_workspace
 
     device = scene.robot
     if isinstance(device, PointMass):

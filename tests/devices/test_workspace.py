@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from hapticeval.devices.device import checked_joints
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
-from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import (
+from hapticeval.devices.device import (
+    checked_joints,
     fit_in_workspace,
     require_in_workspace,
 )
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError
 from hapticeval.examples.studies.reach import trace_section
 from hapticeval.geometry.catalogue import make_model
