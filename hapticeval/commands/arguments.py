@@ -175,8 +175,8 @@ def load_within(
     trial: str | None = None,
     salvaging: bool = False,
 ) -> Recording:
-    """Read a recording or a foreign file by the options above; see `hardware.logs.load` and `recordings.memory`."""
-    from hapticeval.hardware.logs import load
+    """Read a recording or a foreign file by the options above; see `hardware.wiring.load` and `recordings.memory`."""
+    from hapticeval.hardware.wiring import load
     from hapticeval.recordings.memory import limited
 
     with limited(memory_limit):

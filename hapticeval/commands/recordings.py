@@ -87,7 +87,7 @@ def inspect(
       hapticeval inspect log.mat --mapping rig.toml
       hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
     """
-    from hapticeval.hardware.logs import load
+    from hapticeval.hardware.wiring import load
     from hapticeval.recordings.formats import read_table
     from hapticeval.recordings.importing.convert import is_ours
     from hapticeval.recordings.memory import limited

@@ -8,7 +8,7 @@ from robots import recorded, twin_of, wired
 
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware.logs import OUTSIDE_WORKSPACE, at_the_hand, load
+from hapticeval.hardware.wiring import OUTSIDE_WORKSPACE, at_the_hand, load
 from hapticeval.recordings.recording import Recording
 
 CYCLES = 400
