@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 import weakref
+from collections.abc import Callable
 from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_uint32, c_void_p
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,8 +21,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
-from hapticeval.adapters.c_calls import call_clock, call_step
 from hapticeval.adapters.outside import Outside
 from hapticeval.compiled import borrowing
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError, in_m
@@ -461,3 +464,39 @@ class LibraryRenderer:
         raise RendererError(
             f"the library's {function}() returned {status}", why="it is below 0, or none of the header's: it broke"
         )
+
+
+def _call_step(
+    _context: Any, step: Any, self: Any, hip: Any, velocity: Any, dt: Any, ihip: Any, force: Any
+) -> tuple[Any, Callable[..., Any]]:  # fmt: skip
+    """Call the function of a C library at the address `step`, `int32_t (*)(void *, const double *, ...)`: a tick.
+
+    All are addresses but `dt`: it returns what the library returns.
+    """
+    # An address is a 64-bit integer to numba; dt alone is a double.
+    place, integer = ir.IntType(64), ir.IntType(32)
+    kind = ir.FunctionType(integer, [place, place, place, ir.DoubleType(), place, place])
+
+    def code(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        # An address is no function to LLVM until it is cast to a pointer of the function's type.
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
+
+    return types.int32(step, self, hip, velocity, dt, ihip, force), code
+
+
+call_step: Callable[..., int] = intrinsic(_call_step)
+
+
+def _call_clock(_context: Any, clock: Any, number: Any, stamp: Any) -> tuple[Any, Callable[..., Any]]:
+    """Call `int clock_gettime(clockid_t, struct timespec *)` at the address `clock`, as `_call_step` calls a step."""
+    place, integer = ir.IntType(64), ir.IntType(32)
+    kind = ir.FunctionType(integer, [integer, place])
+
+    def code(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function = builder.inttoptr(arguments[0], kind.as_pointer())
+        return builder.call(function, [builder.trunc(arguments[1], integer), arguments[2]])
+
+    return types.int32(clock, number, stamp), code
+
+
+call_clock: Callable[..., int] = intrinsic(_call_clock)
