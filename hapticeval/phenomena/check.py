@@ -24,7 +24,7 @@ Required = TypeVar("Required")
 
 
 class Refinable(Protocol):
-    """A path of which any part can be run again in finer steps: see `hapticeval.simulation.closeup.Closeup`."""
+    """A path of which any part can be run again in finer steps: see `hapticeval.simulation.playback.Closeup`."""
 
     recording: Recording
 

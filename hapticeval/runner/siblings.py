@@ -22,8 +22,7 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import ask_without_hip, timed_steps
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import hold_law_to_step, play, play_in_turns, play_while_defined
+from hapticeval.simulation.playback import Closeup, hold_law_to_step, play, play_in_turns, play_while_defined
 from hapticeval.stimulus.motions import unjudged_rows
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case

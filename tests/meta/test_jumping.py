@@ -19,8 +19,7 @@ from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.renderers import conformal
 from hapticeval.runner.judging import judge as judge_case
 from hapticeval.scene import Scene
-from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback import Closeup, play
 from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite

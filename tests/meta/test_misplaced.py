@@ -24,8 +24,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback import Closeup, play
 from hapticeval.stimulus.moves import Move, Moves
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite

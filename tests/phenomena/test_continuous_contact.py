@@ -17,8 +17,7 @@ from hapticeval.phenomena.lag import delayed
 from hapticeval.phenomena.measures.jumps import Remains, jump_at_rate, look_closer
 from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
-from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback import Closeup, play
 from hapticeval.stimulus.stimulus import Path
 
 SCENE = Scene(model=line())

@@ -16,8 +16,7 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.checked_calls import step_checked
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.closeup import Closeup
-from hapticeval.simulation.playback import hold_law_to_step, play, play_in_turns, play_while_defined, run_path
+from hapticeval.simulation.playback import Closeup, hold_law_to_step, play, play_in_turns, play_while_defined, run_path
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
