@@ -21,8 +21,17 @@ loaded, so that the same seed would give other examples in another program.
 """
 
 from hapticeval.strategies.hand import PARTS, hand_paths, laps, pushes
-from hapticeval.strategies.models import MESHES, PLANE_MODELS, SURFACES, effects, meshes, plane_models, scenes, surfaces
-from hapticeval.strategies.motions import motions
+from hapticeval.strategies.models import (
+    MESHES,
+    PLANE_MODELS,
+    SURFACES,
+    effects,
+    meshes,
+    motions,
+    plane_models,
+    scenes,
+    surfaces,
+)
 from hapticeval.strategies.seeded import examples
 
 __all__ = [

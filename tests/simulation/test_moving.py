@@ -23,7 +23,7 @@ from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.motions import Poses, Slide, Spin, Swing
 from hapticeval.stimulus.stimulus import Experiment, Path
-from hapticeval.strategies import hand_paths, motions
+from hapticeval.strategies import hand_paths, motions  # JOINED
 from hapticeval.suite.case import Case
 
 DT = 1e-3
