@@ -42,16 +42,18 @@ from hapticeval.rigid_contact.force import (
     Stretches,
     longest_flight_step,
 )
-from hapticeval.rigid_contact.plane_motion import (
+from hapticeval.rigid_contact.plane_search import (
+    BoundaryCells,
     Slide,
     contact_force,
+    first_entry,
     fly_for,
     longest_slide_step,
     operator_force,
+    prepare_boundary,
     slide_for,
     surface_frame,
 )
-from hapticeval.rigid_contact.plane_search import BoundaryCells, first_entry, prepare_boundary
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 

@@ -9,7 +9,7 @@ from medial_axis import allowed_jumps, worst_crossing
 
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.decisions import HALF_LAG_STEPS
-from hapticeval.phenomena.measures.steps import step_bounds
+from hapticeval.phenomena.measures.jumps import step_bounds
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import rounding
 from hapticeval.recordings.recording import Recording

@@ -12,7 +12,7 @@ from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.records import as_record, room_for
 from hapticeval.rigid_contact import ideal
 from hapticeval.rigid_contact.force import LOAD
-from hapticeval.rigid_contact.plane_motion import slide_for
+from hapticeval.rigid_contact.plane_search import slide_for
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
