@@ -151,7 +151,7 @@ class Reproduction:
 
     def _draw(self, item: Item, slug: str, count: int) -> list[Path]:
         """Draw what an item shows of runs, of a model's outlines, and of encoders; `count` pictures are there."""
-        from hapticeval.reports.thesis_figure import PICTURES, grid_chart, outline_chart, write_chart
+        from hapticeval.reports.thesis_page import PICTURES, grid_chart, outline_chart, write_chart
         from hapticeval.study.thesis.measures import encoder_grid, outlines
         from hapticeval.study.thesis.printed import full_name
 

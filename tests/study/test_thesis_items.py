@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hapticeval.commands.reproduce import case_of, suite_of
 from hapticeval.errors import UnknownNameError
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.reports.thesis_figure import PICTURES
+from hapticeval.reports.thesis_page import PICTURES
 from hapticeval.study.thesis.measures import ALONE, OF_RUNS
 from hapticeval.study.thesis.printed import CLAIM_UNITS, Claim, full_name, items_named, numbers_of, read_items, slug_of
 
