@@ -276,7 +276,7 @@ DETOUR_BOUNDS = 2.0
 Derived: a place that is off the line by a bound makes it longer by one there and one back. Doubled, steps may pass two
 bounds beside."""
 
-# steps
+# jumps: steps
 
 FLIGHT_BOUNDS = 2.0 * DETOUR_BOUNDS
 """Bounds beyond which a step may be a flight: both ends of a shorter one lie within `DETOUR_BOUNDS` of one place.
@@ -564,7 +564,7 @@ FEWEST_FORCES = 4
 """Different forces without which none contradicts that it is a multiple of a quantum. *Chosen*, as few as show a
 lattice: doubled, a declared resolution is believed of touches with four to seven different forces."""
 
-# same_hip: force_magnitude
+# force_magnitude, of two runs
 
 TWO_FORCES_ROWS = 2 * LAG_TICKS + 1
 """Rows, of twice as many in a row, in which one HIP has two forces where a stiffness varies with more than the place.

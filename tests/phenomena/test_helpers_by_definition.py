@@ -44,10 +44,12 @@ from hapticeval.phenomena.measures.jumps import (
     _sub_steps,
     _suspect_stretches,
     aitken,
+    largest_jump,
     lets_go,
+    step_bounds,
+    worst_step,
 )
 from hapticeval.phenomena.measures.restated import _directions
-from hapticeval.phenomena.measures.steps import largest_jump, step_bounds, worst_step
 from hapticeval.phenomena.measures.surface_force import along_surface
 from hapticeval.phenomena.measures.surface_motion import _overshoot, decay_rate
 from hapticeval.phenomena.observed import Observed

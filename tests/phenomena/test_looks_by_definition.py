@@ -33,9 +33,9 @@ from hapticeval.phenomena.measures.jumps import (
     _measure_scale,
     _passes_by,
     _suspect_stretches,
+    with_steps_of_pieces,
 )
 from hapticeval.phenomena.measures.restated import answers_apart
-from hapticeval.phenomena.measures.steps import with_steps_of_pieces
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed

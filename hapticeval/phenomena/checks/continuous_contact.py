@@ -28,10 +28,15 @@ from hapticeval.phenomena.decisions import (
     STILL_STEP_SHARE,
 )
 from hapticeval.phenomena.lag import largest_in_lag
-from hapticeval.phenomena.measures.jumps import Remains, RoughPlace, aitken, jump_at_rate, lets_go, look_closer
-from hapticeval.phenomena.measures.steps import (
+from hapticeval.phenomena.measures.jumps import (
+    Remains,
+    RoughPlace,
+    aitken,
     bounds_with_flights,
+    jump_at_rate,
     largest_jump,
+    lets_go,
+    look_closer,
     step_bounds,
     with_steps_of_pieces,
     worst_step,
