@@ -69,3 +69,31 @@ class FingerProxy:
         if high > MARGIN and into > 0.0:
             self.proxy = self.proxy + min((high - MARGIN) / into, length) * ahead
         return normal
+
+
+class Undeclared(FingerProxy):
+    """The same, and says nothing of its margin."""
+
+    standoff = 0.0
+
+
+class Coarse(FingerProxy):
+    """The same, and declares the facets of the mesh that it is given as its resolution."""
+
+    resolution = 0.014
+
+
+class Unswept(FingerProxy):
+    """Looks for the surface only where the hand is inside: what it has passed in a tick it does not meet."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        if self.boundary.signed_distance(hip[np.newaxis])[0] > MARGIN and not self.touches:
+            self.proxy = np.array(hip)
+            return Response(hip, np.zeros_like(hip))
+        answer = super().step(hip, velocity, dt)
+        self.touches = bool(np.any(answer.force))
+        return answer
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        self.touches = False

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from broken import Fault, Make, Spoiled, Tick
 from honest import Changed
+from outsiders import LED, case
 
 from hapticeval.discovery import resolve
 from hapticeval.renderer import Declaration, Response, Spring
@@ -107,6 +108,40 @@ class WholeMicrometres(Changed):
         return Response(tool, self.scene.stiffness * (tool - seen))
 
 
+class DropsForce(Changed):
+    """Behind a plate the tool stays where the surface holds it, and 10 mm past it there is no force."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force * (hip[1] > -0.01))
+
+
+class Sticks(Changed):
+    """On a floor the contact ends 0.5 mm outside; the force is none from the surface on."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        self.contact = False
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.contact = bool(hip[1] < (0.5e-3 if self.contact else 0.0))
+        force = super().step(hip, velocity, dt).force
+        return Response(hip * [1.0, 0.0], force) if self.contact else Response(hip, 0.0 * hip)
+
+
+class Haunts(Changed):
+    """A force for three ticks in free space."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        self.free = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        self.free = 0 if np.any(force) else self.free + 1
+        return Response(ihip, force + np.array([0.5, 0.0]) * (10 < self.free <= 13))
+
+
 class Right(NamedTuple):
     """A right renderer: its factory, and the places ("suite/case") where no check may stop it."""
 
@@ -136,3 +171,30 @@ LATE: Mapping[str, Make] = {
     "eight-late": round_a("constraint", late_force(8)),
 }
 """Renderers whose force outlasts the contact, and whose tool is with the hand in free space."""
+
+OUTSIDE = case(
+    "outside",
+    {"kind": "star"},
+    LED,
+    trajectory={"kind": "points", "points": [[0.15, 0.0], [0.15, 0.05], [0.0, 0.15]], "duration": 0.3},
+)
+"""In free space all the time, 30 mm away at the least."""
+NEAR = case(
+    "near",
+    {"kind": "circle"},
+    ("contact-kept",),
+    trajectory={"kind": "points", "points": [[0.15, 0.0], [0.11, 0.0], [0.11, 0.05]], "duration": 0.3},
+)
+"""In free space too, and 10 mm away."""
+THIN_PLATE = case(
+    "thin-plate",
+    {"kind": "polygon", "vertices": [[-0.1, -0.001], [0.1, -0.001], [0.1, 0.001], [-0.1, 0.001]]},
+    ("contact-kept",),
+    trajectory={"kind": "points", "points": [[0.0, 0.02], [0.0, -0.02]], "duration": 0.2},
+)
+FLOOR = case(
+    "floor",
+    {"kind": "line"},
+    ("contact-kept",),
+    trajectory={"kind": "points", "points": [[0.0, 5e-3], [0.0, -2e-3], [0.0, 5e-3]], "duration": 0.4},
+)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from broken import Fault, Make, Spoiled, Tick, spoiled
+from honest import Spring as Nearest
 
 from hapticeval.discovery import resolve
 from hapticeval.renderer import Declaration, Response, Spring
@@ -82,6 +83,30 @@ def one_way(going_in: float, going_out: float) -> Fault:
 def by_turns(tick: Tick) -> Answer:
     """One stiffness in even ticks, another in odd ones."""
     return tick.ihip, (0.57 if tick.number % 2 else 1.75) * tick.force
+
+
+def by_place(tick: Tick) -> Answer:
+    """The stiffness leaps between two numbers every two millimetres."""
+    return tick.ihip, (1.7 if 1e3 * tick.ihip[0] % 4.0 < 2.0 else 0.6) * tick.force
+
+
+def by_depth(tick: Tick) -> Answer:
+    """The stiffness grows with the depth."""
+    return tick.ihip, min(0.6 + 200.0 * float(np.linalg.norm(tick.ihip - tick.hip)), 1.8) * tick.force
+
+
+def late_force(fault: Fault, ticks: float) -> Fault:
+    """What `fault` makes of an answer, with the force so many ticks late, or between two."""
+
+    def late(tick: Tick) -> Answer:
+        ihip, force = fault(tick)
+        past = tick.memory.setdefault("past", [])
+        past.append(force)
+        whole, share = divmod(ticks, 1.0)
+        one, two = (past[max(0, len(past) - 1 - int(whole) - more)] for more in (0, 1))
+        return ihip, (1.0 - share) * one + share * two
+
+    return late
 
 
 def wears_off(tick: Tick) -> Answer:
@@ -199,6 +224,38 @@ class Lost(Spoiled):
 
 def lost(scene: Scene) -> Lost:
     return Lost(scene, resolve("minimum-distance")(scene), lambda tick: (tick.ihip, tick.force))
+
+
+class Claiming(Nearest):
+    """The nearest point, which pops, and claims a standoff of 0.5 mm that it does not have."""
+
+    standoff = 5e-4
+
+
+class Raised(Nearest):
+    """The nearest point 0.5 mm in front of the surface, as declared: it pops from face to face inside of the solid."""
+
+    standoff = 5e-4
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        near = self.boundary.closest_point(hip[np.newaxis])
+        raised = near.foot[0] + self.standoff * near.normal[0]
+        ihip = raised if near.distance[0] < self.standoff else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+def endowed(scene: Scene) -> Any:
+    """A passivity controller that begins with a joule which no hand has put in."""
+    renderer: Any = resolve("conformal+pc")(scene)
+    controlled = renderer.renderer
+    reset = controlled.reset
+
+    def reset_with_gift(hip: np.ndarray) -> None:
+        reset(hip)
+        controlled.energy = 1.0
+
+    controlled.reset = reset_with_gift
+    return renderer
 
 
 @dataclass(frozen=True)

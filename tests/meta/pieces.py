@@ -65,3 +65,11 @@ class Nearest(GodObject):
 
     def slide(self, before: np.ndarray, hip: np.ndarray) -> np.ndarray:
         return self.facets.closest_point(hip[np.newaxis]).foot[0]
+
+
+class Chosen(GodObject):
+    """One whose surface is a mesh by its own choice: it has no `pieces`."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        del self.pieces

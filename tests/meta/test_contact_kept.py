@@ -8,6 +8,7 @@ import pytest
 from broken import LETTING_GO, free_where, spoiled
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made import STIFFNESS, outcome, recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
@@ -189,6 +190,23 @@ class TestTrailing:
         assert CHECKS["contact-kept"](Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
 
 
+def test_contact_of_each_row():
+    """Rows: free; a force alone; a tool held back; the same with the hand outside; a tool on the hand inside."""
+    hip = np.array([[0.0, 0.01], [0.0, -0.01], [0.0, -0.01], [0.0, 0.01], [0.0, -0.01]])
+    ihip = np.array([[0.0, 0.01], [0.0, -0.01], [0.0, 0.0], [0.0, 0.02], [0.0, -0.01]])
+    force = np.array([[0.0, 0.0], [0.0, 5.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1e-9]])
+    scene, time = Scene(model=line()), DT * np.arange(5)
+
+    def told(*report: float) -> list[list[bool]]:
+        channels = {"hip": hip, "ihip": ihip, "force": force}
+        recording = Recording(time, channels | ({"contact": np.array(report)} if report else {}))
+        return [Observed(recording, scene).contact.tolist(), Observed(recording, scene).trailing.tolist()]
+
+    assert told() == [[False, True, True, False, False], [False, False, False, True, False]]
+    assert told(0, 0, 0, 0, 0) == [[False, True, False, False, False], [False, False, False, True, False]]
+    assert told(1, 1, 1, 1, 1) == [[True] * 5, [False] * 5]
+
+
 def test_a_hand_that_stays_outside_is_right_to_feel_nothing():
     finding = finding_of(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
     assert finding.outcome is Outcome.PASS
@@ -307,3 +325,17 @@ def test_contact_dropped_anywhere_is_found_there(share, depth, seed):
     lost = 0.1 - np.linalg.norm(whole.hip[from_tick:], axis=1)
     assert finding.evidence["deepest_m"] == pytest.approx(lost.max(), rel=1e-9)
     assert finding.evidence["lost_ticks"] == pytest.approx(len(whole) - from_tick, abs=3)
+
+
+@given(late=st.integers(1, 9), size=st.sampled_from([0.9e-6, 1.1e-6, 1e-3]))
+def test_a_force_in_free_space_fails_from_the_fourth_tick_after_a_contact_on(late, size):
+    """Three ticks are granted, and the force of a depth of 1 um is the least that counts."""
+    height = 1e-3 * np.concatenate([np.arange(20.0, -11.0, -1.0), np.arange(-9.0, 21.0)])
+    hip = np.column_stack([np.zeros(height.size), height])
+    ihip = np.maximum(hip, 0.0)
+    force = STIFFNESS * (ihip - hip)
+    last = int(np.flatnonzero(height < 0.0)[-1])
+    force[last + late, 1] += STIFFNESS * size
+    ghost = late > 4 and size > 1e-6  # the tick after the last inside is on the surface, where nothing is outside
+    run = recorded(hip, ihip, force, meta={"source": "playback"})
+    assert outcome("contact-kept", run, Scene(model=line())) is (Outcome.FAIL if ghost else Outcome.PASS)
