@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from hapticeval.scene import Scene
 
 
-VERTICES = 40
-"""Vertices of the polygon representation (thesis 4.1.1)."""
-
-GRID_NODES = 100
-"""Nodes of the level set representation along each side (thesis 4.1.1)."""
-
 VERTICES_KNOB = Knob(
     values=(20, 40, 80, 160, 320, 640, 1280, 2560),
     quick=(40, 160, 640),

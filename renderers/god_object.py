@@ -20,9 +20,9 @@ from hapticeval.geometry.kernels import LEAVES, RESTS
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_feature, closest_on_mesh, side_and_normal
 from hapticeval.geometry.mesh_tool import fly_to_hand, walk_downhill
+from hapticeval.geometry.model import VERTICES
 from hapticeval.laws import LawData
 from hapticeval.records import as_record, record_type
-from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import (
     Outline,
     evaluate_at,

@@ -46,12 +46,11 @@ from hapticeval.geometry.kernels import (
 )
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import NORMAL_COLUMN, first_triangle_hit
-from hapticeval.geometry.model import Model
+from hapticeval.geometry.model import VERTICES, Model
 from hapticeval.geometry.surface import Surface, closest_on_surface
 from hapticeval.geometry.triples import dot, plus
 from hapticeval.laws import LawData
 from hapticeval.records import as_record, as_records, record_type
-from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.potential import (
     LAST,

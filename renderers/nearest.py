@@ -25,14 +25,13 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import closest_on_mesh
-from hapticeval.geometry.model import Model
+from hapticeval.geometry.model import GRID_NODES, VERTICES, Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel
 from hapticeval.geometry.representations import LevelSet, Polygon
 from hapticeval.geometry.surface import apply_matrix, closest_on_surface, shape_operator
 from hapticeval.geometry.triples import dot
 from hapticeval.laws import EMPTY_TABLE, LawData
 from hapticeval.records import as_record, record_type
-from hapticeval.renderers.family import GRID_NODES, VERTICES
 from hapticeval.renderers.outline import frame, is_clear_of, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import Projection, once
 from hapticeval.renderers.regulation import PP_PD_C

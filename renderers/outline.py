@@ -42,12 +42,11 @@ from hapticeval.geometry.kernels import (
     evaluate_many,
     piece_index,
 )
-from hapticeval.geometry.model import Model
+from hapticeval.geometry.model import VERTICES, Model
 from hapticeval.geometry.polygon_kernels import first_entry_kernel, nearest_kernel, side_kernel
 from hapticeval.geometry.representations import Polygon
 from hapticeval.laws import EMPTY_TABLE
 from hapticeval.records import as_record, as_records, record_type, room_for
-from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.projective import once
 from hapticeval.renderers.regulation_kernel import GAINS
 from hapticeval.types import Array

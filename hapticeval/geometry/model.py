@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
 
 
 Prepared = TypeVar("Prepared")
+
+VERTICES = 40
+"""Vertices of the polygon representation (thesis 4.1.1)."""
+
+GRID_NODES = 100
+"""Nodes of the level set representation along each side (thesis 4.1.1)."""
 
 KIND_BY_PARAMETER = {
     "model": "extruded",
@@ -128,7 +135,7 @@ class Model:
         bounds = self.boundary.bounds
         return max(high - low for low, high in zip(bounds[: self.dimension], bounds[self.dimension :], strict=True))
 
-    def polygon(self, n: int = 40) -> Polygon:
+    def polygon(self, n: int = VERTICES) -> Polygon:
         """Return the polygon with vertices at n equal steps of the curve's own parameter, and at every corner.
 
         A model of straight edges is its own polygon, whatever n. Raises `RefusalError` for an unbounded model, and
@@ -148,9 +155,10 @@ class Model:
         from hapticeval.geometry.representations import CHORD_ERROR_SHARE, facets_of
 
         error = CHORD_ERROR_SHARE[self.dimension] * self.size if max_error is None else max_error
-        return self._once(("mesh", error), lambda: facets_of(self, error))
+        make = partial(facets_of, self.boundary, error, name=self.name, polygon_of=self.polygon, vertices=VERTICES)
+        return self._once(("mesh", error), make)
 
-    def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
+    def level_set(self, shape: tuple[int, int] = (GRID_NODES, GRID_NODES)) -> LevelSet:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
         from hapticeval.geometry.representations import sample_level_set
 

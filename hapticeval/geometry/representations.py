@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,9 +26,6 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.validate import checked_vertices
 from hapticeval.records import as_records
 from hapticeval.types import Array, IntArray
-
-if TYPE_CHECKING:
-    from hapticeval.geometry.model import Model
 
 
 class Polygon(Curve):
@@ -264,27 +261,30 @@ class Facets(NamedTuple):
         return np.column_stack([starts, np.roll(starts, -1)])
 
 
-def facets_of(model: Model, max_error: float) -> Facets:
-    """Return the model as edges or triangles that lie off it by `max_error` (m) at the most.
+def facets_of(
+    boundary: Boundary, max_error: float, *, name: str, polygon_of: Callable[[int], Polygon], vertices: int
+) -> Facets:
+    """Return a model's boundary as edges or triangles that lie off it by `max_error` (m) at the most.
+
+    `name` is the model's; `polygon_of` gives its polygon with so many vertices, and `vertices` are those to begin with.
 
     Raises `InputError` for a `max_error` that is not positive, or takes more than `MOST_CELLS` cells, and
     `RefusalError` for a boundary of a kind of its own.
     """
     if not max_error > 0.0:
         raise InputError(f"max_error = {max_error!r}", why="it must be positive", todo="give it in metres")
-    boundary = model.boundary
     if isinstance(boundary, Mesh):
         return Facets(boundary, 0.0)
     if isinstance(boundary, Curve):
         if not boundary.closed:
             return Facets(_half_plane(boundary), 0.0)
         if boundary.straight:
-            return Facets(model.polygon(), 0.0)
-        return _refine_until(partial(_polygon_facets, model, boundary), max_error, model.name)
+            return Facets(polygon_of(vertices), 0.0)
+        return _refine_until(partial(_polygon_facets, polygon_of, vertices, boundary), max_error, name)
     if isinstance(boundary, Surface):
-        return _refine_until(partial(_mesh_facets, boundary), max_error, model.name)
+        return _refine_until(partial(_mesh_facets, boundary), max_error, name)
     raise RefusalError(
-        f"model '{model.name}' is a {type(boundary).__name__}",
+        f"model '{name}' is a {type(boundary).__name__}",
         why="edges and triangles are made of plane curves, meshes, spheres, ellipsoids and tori",
         todo="use scene.model.boundary as it is, or give the model as a mesh",
     )
@@ -312,9 +312,9 @@ def _refine_until(facets_at: Callable[[float], Facets], max_error: float, name: 
         finer *= 1.02 * math.sqrt(facets.chord_error / max_error)
 
 
-def _polygon_facets(model: Model, curve: Curve, finer: float) -> Facets:
-    """Return the polygon with 40 corners, or `finer`: see `Model.polygon`."""
-    polygon = model.polygon(math.ceil(min(40.0 * finer, MOST_CELLS[2])))
+def _polygon_facets(polygon_of: Callable[[int], Polygon], vertices: int, curve: Curve, finer: float) -> Facets:
+    """Return the polygon of a curve with so many vertices, or `finer`."""
+    polygon = polygon_of(math.ceil(min(vertices * finer, MOST_CELLS[2])))
     return Facets(polygon, polygon.standoff_from(curve))
 
 
