@@ -17,7 +17,7 @@ from hapticeval.types import Array
 class Saturation(Effect):
     """Limit the torque of each motor to ± `limit` (N m; N for the point mass)."""
 
-    limit: float = number("force")
+    limit: float = number("force", short="torque_limit")
 
     kind: ClassVar[str] = "saturation"
     stage: ClassVar[Stage] = Stage.COMMAND
@@ -46,7 +46,7 @@ STEADY = 1e-9
 class Delay(Effect):
     """Let the motors give a torque `time` (s) after its sample; until then, nothing."""
 
-    time: float = number("s", zero=True)
+    time: float = number("s", zero=True, short="delay")
 
     kind: ClassVar[str] = "delay"
     stage: ClassVar[Stage] = Stage.COMMAND
@@ -100,7 +100,7 @@ def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float,
 class JointFriction(Effect):
     """Oppose each moving joint with `torque` (N m; N for the point mass), and hold one at rest as long as that can."""
 
-    torque: float = number("force")
+    torque: float = number("force", short="friction")
 
     kind: ClassVar[str] = "joint-friction"
     stage: ClassVar[Stage] = Stage.JOINTS

@@ -86,12 +86,14 @@ def number(
     finite: bool = True,
     default: Any = MISSING,
     compare: bool = True,
+    short: str = "",
 ) -> Any:
     """Declare a field of an effect that is a number with a `unit` (or a key of `PER_JOINT`) and a range.
 
-    It must be positive, or may be `zero`, too; and it must be finite unless it need not be.
+    It must be positive, or may be `zero`, too; and it must be finite unless it need not be. `short` is its name in the
+    scene's table, where `catalogue.Entry.short` has one.
     """
-    metadata = {"unit": unit, "zero": zero, "finite": finite}
+    metadata = {"unit": unit, "zero": zero, "finite": finite, "short": short}
     return field(metadata=metadata, default=default, compare=compare)
 
 
@@ -139,11 +141,7 @@ class Effect:
     @classmethod
     def named(cls, name: str) -> str:
         """Return what messages call a field: its short form in suites where it has one, else kind and field."""
-        from hapticeval.effects.catalogue import EFFECTS
-
-        known = EFFECTS[cls.kind].short if cls.kind in EFFECTS else {}
-        short = [key.rpartition(".")[2] for key, field in known.items() if field == name]
-        return short[0] if short else f"the {cls.kind}'s {name}"
+        return cls.__dataclass_fields__[name].metadata.get("short") or f"the {cls.kind}'s {name}"
 
     @property
     def off(self) -> bool:

@@ -28,8 +28,8 @@ class Encoder(Effect):
     `counts` per turn may be given instead, for joints that turn. Raises `InputError` where both are given, or neither.
     """
 
-    step: float | None = number("position", default=None)
-    counts: float | None = number("", default=None, compare=False)
+    step: float | None = number("position", default=None, short="encoder_step")
+    counts: float | None = number("", default=None, compare=False, short="encoder_counts")
 
     kind: ClassVar[str] = "encoder"
     stage: ClassVar[Stage] = Stage.SENSE
@@ -85,7 +85,7 @@ class VelocityFilter(Effect):
     v⁺ = v + (1 - e^{-2π f dt}) (Δq/dt - v), from the true velocity on, as if the device had moved so before.
     """
 
-    cutoff: float = number("Hz")
+    cutoff: float = number("Hz", short="velocity_cutoff")
 
     kind: ClassVar[str] = "velocity-filter"
     stage: ClassVar[Stage] = Stage.SENSE

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Viscosity(Effect):
     """Brake the tool along the surface with b_d = `coefficient` (kg/s): renderers assign it to the sliding tool."""
 
-    coefficient: float = number("kg/s", zero=True)
+    coefficient: float = number("kg/s", zero=True, short="viscosity")
 
     kind: ClassVar[str] = "viscosity"
     words: ClassVar[str] = "viscosity {coefficient}"

@@ -48,8 +48,10 @@ def imported(code):
 def test_an_entry_leads_to_the_class_of_its_kind(kind):
     entry = EFFECTS[kind]
     assert entry.of.kind == kind
-    fields = set(entry.of.__dataclass_fields__)
+    fields = entry.of.__dataclass_fields__
     assert set(entry.short.values()) <= {*fields, ""}
+    named = {name: key.rpartition(".")[2] for key, name in entry.short.items() if name}
+    assert named == {name: field.metadata["short"] for name, field in fields.items() if field.metadata.get("short")}
 
 
 @pytest.mark.system
