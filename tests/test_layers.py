@@ -201,6 +201,42 @@ def opened_satellites(source: str) -> Iterator[tuple[str, bool]]:
                 yield named, node.lineno not in late
 
 
+def modules_of(file: Path) -> Iterator[str]:
+    """Yield the modules of ours that a file imports, lazily and for types too: each as a path below the root."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hapticeval."):
+            parts = (node.module or "").split(".")[1:]
+            for alias in node.names:
+                yield from (".".join(module) for module in ([*parts, alias.name], parts))
+
+
+def circles(imported: Mapping[str, set[str]]) -> list[str]:
+    """Return the modules on a circle of imports, or between two: what is left without those at either end of all."""
+    left = {module: others - {module} for module, others in imported.items()}
+    while True:
+        needed = set().union(*left.values())
+        kept = {
+            module: others & left.keys() for module, others in left.items() if module in needed and others & left.keys()
+        }
+        if kept == left:
+            return sorted(left)
+        left = kept
+
+
+def test_no_file_is_imported_by_what_it_imports() -> None:
+    names = {
+        file: ".".join(file.relative_to(ROOT).with_suffix("").parts).removeprefix("hapticeval.") for file, _ in SOURCES
+    }
+    # A package is imported with each module in it: only what is a file of its own counts.
+    files = {name: set(modules_of(file)) for file, name in names.items() if file.name != "__init__.py"}
+    assert circles(files) == []
+
+
+def test_a_circle_of_files_is_seen() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}) == ["a", "b", "c"]
+
+
 CORE = [file for file, unit in SOURCES if unit != "renderers"]
 
 
