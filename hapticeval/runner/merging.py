@@ -135,16 +135,15 @@ def _refuse_unlike(document_by_folder: Mapping[str, ResultsDocument]) -> None:
     """Raise `InputError` where two results differ in what a verdict may depend on."""
     (name, first), *others = document_by_folder.items()
     for other, document in others:
-        differs = differing_versions(first.environment, document.environment)
+        differs = differing_versions(first.environment, document.environment, then=" and")
         if document.seed != first.seed:
-            differs.append(f"seed {first.seed}, now {document.seed}")
+            differs.append(f"seed {first.seed} and {document.seed}")
         if document.command.strict != first.command.strict:
             differs.append("only one of both runs is strict")
         if differs:
             raise InputError(
                 f"the results in '{name}' and '{other}' are not of one run",
-                # of two runs neither is the earlier
-                why="; ".join(differs).replace(", now ", " and "),
+                why="; ".join(differs),
                 todo="run one of them again with the versions and arguments of the other",
             )
 

@@ -182,8 +182,11 @@ def _as_text(value: object) -> str:
     return ", ".join(map(str, value)) or "none" if isinstance(value, list) else str(value)
 
 
-def differing_versions(one: Environment, other: Environment) -> list[str]:
-    """Return what differs between two environments in versions: ["numpy 1.26.4, now 2.1.0"]."""
+def differing_versions(one: Environment, other: Environment, *, then: str = ", now") -> list[str]:
+    """Return what differs between two environments in versions: ["numpy 1.26.4, now 2.1.0"].
+
+    `then` stands between the two: of results of one day none is of now.
+    """
     pairs: dict[str, tuple[str | None, str | None]] = {"python": (one.python, other.python)}
     pairs |= {name: (one.versions.get(name), other.versions.get(name)) for name in one.versions | other.versions}
-    return [f"{name} {before}, now {now}" for name, (before, now) in pairs.items() if before != now]
+    return [f"{name} {before}{then} {now}" for name, (before, now) in pairs.items() if before != now]
