@@ -102,7 +102,7 @@ def format_size(count: int) -> str:
 
 def plural(count: int, noun: str) -> str:
     """Return a count with its noun, as in `1 row`, `12,000 rows`."""
-    return f"{count:,} {noun}{'s' * (count != 1)}"
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
 def name_first(names: Sequence[str], limit: int | None, separator: str = ", ") -> str:

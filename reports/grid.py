@@ -214,13 +214,13 @@ def headline(results: ResultsDocument) -> str:
     lost = len(results.stopping) - unexpected
     standings = Counter(verdict.standing for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}"] * bool(
-        unexpected
-    )
+    parts = []
+    if unexpected:
+        parts.append(f"{unexpected:,} of {plural(results.ran, 'verdict')} {are} not as expected{results.strict_words}")
     if broken:
         names = name_first(list(dict.fromkeys(breakdown.runs[0].renderer for breakdown in broken)), 2, " and ")
         runs = plural(sum(len(breakdown.runs) for breakdown in broken), "run")
-        parts.append(f"{names} broke in {runs}" + f", which lost {plural(lost, 'verdict')}" * bool(lost))
+        parts.append(f"{names} broke in {runs}" + (f", which lost {plural(lost, 'verdict')}" if lost else ""))
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]

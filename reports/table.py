@@ -334,5 +334,5 @@ def _list_blocks(results: ResultsDocument) -> Iterator[str]:
 
 def _breakdown_words(broken: Breakdown) -> str:
     error, cases = broken.error, broken.cases
-    why = f"; {error.why}" * bool(error.why)
-    return f"{broken.words}; {error.what}{why}" + f" (first on {', then '.join(cases)})" * bool(cases)
+    words = "; ".join(filter(None, (broken.words, error.what, error.why)))
+    return f"{words} (first on {', then '.join(cases)})" if cases else words

@@ -72,7 +72,7 @@ def doctor(
       hapticeval doctor -r lib:./libmine.so
       hapticeval doctor -r mymodule:factory --timeout 5
     """
-    from hapticeval.study.doctor import examine, exit_code, next_steps
+    from hapticeval.study.doctor import SPACE_WORDS, examine, exit_code, next_steps
 
     findings = []
     kind = ""
@@ -83,7 +83,7 @@ def doctor(
             # A heading wherever a new kind of scene begins.
             if finding.kind != kind:
                 kind = finding.kind
-                say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
+                say(f"in {SPACE_WORDS[kind]}" if kind else "")
             say(columns([(f"  {finding.state:<8}{finding.what:<12}", finding.text)]))
     if steps := next_steps(renderer, findings):
         say(lines(["", *steps]))

@@ -162,8 +162,8 @@ def _summary_tables(results: ResultsDocument, width: int) -> Iterator[str]:
         decided = [row for row in group.rows if any(answer for answer, _ in row.cells)]
         # What is only in print stands in the report.
         table = summary_table(replace(group, printed=(), rows=tuple(replace(row, printed=()) for row in decided)))
-        title = group.suite.title if group.suite is not None and len(groups) > 1 else ""
-        yield f"{title}\n" * bool(title) + _aligned_cells(table, width)
+        heading = f"{group.suite.title}\n" if group.suite is not None and len(groups) > 1 else ""
+        yield heading + _aligned_cells(table, width)
 
 
 TONE_COLOURS = {"good": "green", "noted": "yellow", "bad": "red"}

@@ -172,7 +172,7 @@ class Terminal:
         runs = plural(suite.finished, "run")
         if suite.finished < suite.planned:
             runs = f"{suite.finished} of {plural(suite.planned, 'run')}"
-        refused = f", {suite.refused} refused" * bool(suite.refused)
+        refused = f", {suite.refused} refused" if suite.refused else ""
         count = f"[{self._finished_jobs}/{self._planned_jobs}]"
         self.line(f"{count} {name}: {runs}{refused}{self._verdicts_words(suite.verdicts)}")
 
@@ -270,7 +270,8 @@ def kernels_are_new() -> bool:
 def _first_run_words(runs: Sequence[RunKey]) -> str:
     """Return the first of some runs, and how many others there are."""
     (suite, case, renderer), *others = runs
-    return f"{renderer} on {suite}/{case}" + f", and {plural(len(others), 'other run')}" * bool(others)
+    more = f", and {plural(len(others), 'other run')}" if others else ""
+    return f"{renderer} on {suite}/{case}{more}"
 
 
 def _interrupted_words(event: Interrupted) -> str:

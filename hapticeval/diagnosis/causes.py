@@ -294,8 +294,11 @@ def _sum_words(kind: str, numbers: Array) -> str:
     if kind == "gain":
         return gain_words(1.0 + float(numbers[0]))
     if kind in ("bias", "drift"):
-        added = "a constant force is added" if kind == "bias" else "a force that grows is added"
-        return f"{added}: {vector(numbers)} N{'/s' * (kind == 'drift')}"
+        return (
+            f"a constant force is added: {vector(numbers)} N"
+            if kind == "bias"
+            else f"a force that grows is added: {vector(numbers)} N/s"
+        )
     number = text(float(numbers[0]))
     return {
         "drag": f"it drags along the surface, by {number} N s/m",

@@ -57,8 +57,8 @@ class Model:
     _prepared: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self.table.items() if name != "kind")
-        return f"make_model({self.table['kind']!r}{', ' * bool(arguments)}{arguments})"
+        parameters = [f"{name}={value!r}" for name, value in self.table.items() if name != "kind"]
+        return f"make_model({', '.join([repr(self.table['kind']), *parameters])})"
 
     @property
     def table(self) -> dict[str, Any]:

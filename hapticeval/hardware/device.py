@@ -203,12 +203,14 @@ class Guarded:
                 if count < ZEROS - 1:
                     time.sleep(min(self._dt, ZEROS_SECONDS))
             except HapticevalError as error:
-                problems += [error.what] * (error.what not in problems)
+                if error.what not in problems:
+                    problems.append(error.what)
         if problems:
             ended = []
             if isinstance(cause, HapticevalError):
                 # Both are told: what ended the run, and that the motors may be on.
-                ended = [f"the run had ended because {cause.what}"] * (cause.what not in problems) + [cause.why]
+                reason = "" if cause.what in problems else f"the run had ended because {cause.what}"
+                ended = [reason, cause.why]
             elif cause is not None:
                 ended = [f"the run had ended by {describe_error(cause)}"]
             raise HapticevalError(

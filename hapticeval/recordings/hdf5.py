@@ -191,7 +191,7 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Reco
     if recording is None or losses:
         raise DamagedError(
             f"the recording {path} is cut short or damaged",
-            why="; ".join(losses[:5] + ["and more"] * (len(losses) > 5)),
+            why="; ".join(losses[:5] + (["and more"] if len(losses) > 5 else [])),
             todo=f"copy it again; or take what is whole: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
         )
     return recording

@@ -108,7 +108,7 @@ def line(counterexample: StoredCounterexample) -> str:
     what = f"{fault.check}: {fault.message};"
     # Of a jump its size says more than the check's message.
     if fault.check == JUMP_CHECK and fault.value is not None and fault.kind in ("mini", "major"):
-        what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {format_length(fault.value)}"
+        what = f"{'mini ' if fault.kind == 'mini' else ''}pop-through of {format_length(fault.value)}"
     elif fault.check == RENDERER:
         what = f"{fault.message};"
     after_examples = f"after {plural(counterexample.examples, 'example')}"

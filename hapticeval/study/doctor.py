@@ -43,6 +43,7 @@ from hapticeval.types import Array
 from hapticeval.workers import Overdue, ProcessEnded, Workers
 
 TRIED_MODELS = {"plane": "circle", "space": "cube"}
+SPACE_WORDS = {"plane": "the plane", "space": "space"}
 
 MODEL_PATIENCE = 600.0
 """Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
@@ -135,7 +136,7 @@ def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> It
             # Once a model: what compiles here is not waited for at the renderer's cost.
             _await_answer(crew, MODEL_PATIENCE, waiting, f"preparing the {TRIED_MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
-                place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
+                place = f"'{what}' in {SPACE_WORDS[kind]}"
                 hip = None
                 try:
                     state, text = _await_answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
@@ -559,8 +560,7 @@ def next_steps(name: str, findings: Sequence[ContractFinding]) -> list[str]:
     ]
     if broke.what in ("made", "free space") and others:
         steps.append(
-            f"or, if it is for models in {'the ' * (others[0] == 'plane')}{others[0]} alone, have it say so: "
-            f"supports = {{'{others[0]}'}}"
+            f"or, if it is for models in {SPACE_WORDS[others[0]]} alone, have it say so: supports = {{'{others[0]}'}}"
         )
     if broke.hip is not None:
         steps += [

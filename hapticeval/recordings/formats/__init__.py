@@ -127,9 +127,10 @@ class Table:
                 todo="leave out what is no signal, or write signals as columns and samples as rows",
             )
         reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
-        self.__dict__["columns"] = {name: _column(name, values) for name, values in self.columns.items()}
+        # The class is frozen: this is its own constructor.
+        object.__setattr__(self, "columns", {name: _column(name, values) for name, values in self.columns.items()})
         for name in ("warnings", "remarks", "cells"):
-            self.__dict__[name] = tuple(self.__dict__[name])
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest and names all, for no column."""

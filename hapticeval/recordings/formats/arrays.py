@@ -185,7 +185,8 @@ def _add_dataset(nodes: Nodes, arrays: Arrays, name: str, node: Any) -> None:
     numeric = [part for part, kind in kinds.items() if kind.kind in "fiub"]
     for part, kind in kinds.items():
         if part not in numeric:
-            arrays.remarks.append(f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out")
+            path = f"{name}.{part}" if part else name
+            arrays.remarks.append(f"'{path}' is of type {kind}, which is left out")
     if is_picture(node.shape or ()):
         arrays.remarks.append(picture_remark(name, node.shape))
     elif numeric and node.size:

@@ -264,7 +264,7 @@ def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator
         if name in theirs and np.count_nonzero(np.diff(column.values)) >= COPY_ROWS:
             match = matched(theirs[name].values, column.values, OTHER_RUN_SHARE)
             if match is not None:
-                message = f"it is that of {run}{',' * bool(match.lag)}{match.when}{match.share}, bit for bit"
+                message = f"it is that of {run}{',' if match.lag else ''}{match.when}{match.share}, bit for bit"
                 yield make_issue(recording, "from another run", message, name)
 
 

@@ -75,7 +75,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     for row, count in gaps.items():
         between_measurements = bool(measured[row : row + 2].all())
         bridged = between_measurements and bool(bridges[row])
-        message = f"{'about ' * (sequence is None)}{plural(count, 'row')} missing ({1e-9 * count * cycle:.4g} s)"
+        message = f"{'about ' if sequence is None else ''}{plural(count, 'row')} missing ({1e-9 * count * cycle:.4g} s)"
         issues.append(
             make_issue(
                 recording, "gap", message, "time", (row, row + 2),

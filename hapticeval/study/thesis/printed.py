@@ -124,7 +124,8 @@ class Comparison(Struct, frozen=True, kw_only=True):
         word = "asked" if self.claim.value[:1] in ("<", ">") else "in print"
         parts = [f"{word} {self.claim.in_print}"]
         if not self.agrees:
-            parts += [f"differs by {self.difference}"] * bool(self.difference)
+            if self.difference:
+                parts.append(f"differs by {self.difference}")
             parts.append(self.claim.why or "no reason is known")
         return f"{self.claim.says}: {self.ours} ({'; '.join(parts)})"
 
