@@ -11,6 +11,7 @@ from hapticeval.renderers.family import (
     FRONT_KNOB,
     GRID_KNOB,
     NODES_KNOB,
+    SAMPLES_KNOB,
     VERTICES_KNOB,
     ProjectiveFamily,
     set_stabilisation,
@@ -28,6 +29,8 @@ minimum_distance = ProjectiveFamily(
         "level-set": {"grid": GRID_KNOB},
         "lut": {"cell": CELL_KNOB},
     },
+    independent="sampled:nearest",
+    independent_knobs={"samples": SAMPLES_KNOB},
 )
 """The minimum distance renderer."""
 
@@ -39,6 +42,8 @@ constraint = ProjectiveFamily(
     refused="the constraint projection needs a boundary to slide on, and a level set has none",
     space=True,
     offered_knobs={"polygon": {"vertices": VERTICES_KNOB}},
+    independent="sampled:god_object",
+    independent_knobs={"samples": SAMPLES_KNOB},
 )
 """The constraint renderer."""
 
@@ -76,6 +81,8 @@ homothetic = ProjectiveFamily(
     potential=True,
     space=True,
     offered_knobs={"polygon": {"vertices": VERTICES_KNOB}, "lut": {"cell": CELL_KNOB}},
+    independent="sampled:homothetic",
+    independent_knobs={"samples": SAMPLES_KNOB},
 )
 """The homothetic renderer."""
 
@@ -89,6 +96,8 @@ combescure = ProjectiveFamily(
     potential=True,
     space=True,
     offered_knobs={"lut": {"cell": CELL_KNOB}},
+    independent="sampled:combescure",
+    independent_knobs={"samples": SAMPLES_KNOB},
 )
 """The Combescure renderer."""
 

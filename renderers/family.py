@@ -52,6 +52,13 @@ FRONT_KNOB = Knob(
 )
 """Each value is twice the one before it: what is left of the error is told by that (Richardson)."""
 
+SAMPLES_KNOB = Knob(
+    values=(400, 800, 1600),
+    quick=(200, 400, 800),
+    unit="",
+    meaning="samples of the boundary, between which the place is bisected",
+)
+
 FLOW_KNOBS = {
     "cells": Knob(
         values=(50, 100, 150, 200, 300),

@@ -45,6 +45,8 @@ def accuracy_card(bench: BenchResults) -> Card | None:
     best = cheapest_by_renderer(settings)
     if not best:
         return None
+    # What is off by rounding alone: from another computation, or from itself where there is none.
+    refined = {entry.renderer for entry in bench.references if entry.model == model and entry.disagreement is not None}
     curves, notes, times, outside = [], [], [], []
     for row, (name, setting) in enumerate(best.items()):
         assert setting.claims is not None
@@ -53,7 +55,13 @@ def accuracy_card(bench: BenchResults) -> Card | None:
         is_within = MM * error <= TARGET_ERROR
         role = "hip" if is_within else "ihip"
         curves.append(Curve(x=[time], y=[row], line=False, role=role, marker="o", size=8.0, hollow=not is_within))
-        notes.append(Note(time, row, format_length(error) if error else "its own exact curve"))
+        notes.append(
+            Note(
+                time,
+                row,
+                format_length(error) if error else "exact" if setting.renderer in refined else "its own exact curve",
+            )
+        )
         if is_within:
             times.append(setting.step.median)
         else:

@@ -1,7 +1,7 @@
 """How far a renderer's answers are from a reference's: IHIP, direction of the force, and the force itself.
 
 All renderers are asked at the same hand positions, which follow from the geometry alone. The reference is the
-renderer's own projection on the exact curve, the same computed another way, or else its finest setting, as far as these
+renderer's own projection computed another way, else on the exact curve, or else its finest setting, as far as these
 have converged.
 """
 
@@ -327,8 +327,8 @@ def _remaining_errors(before: Errors, last: Errors) -> Errors:
     }
 
 
-def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
-    """Return, as a reference, the answers of that renderer of ours on the exact curve whose IHIPs are the nearest.
+def nearest_of_ours(measured: Answers, work: Workload, *, quick: bool = False) -> Reference | None:
+    """Return the reference of that renderer of ours whose IHIPs on the exact curve are the nearest.
 
     For a renderer with neither an exact form nor a knob: most approximate a projection that one of ours computes.
     None where none of ours has an exact form on the model.
@@ -350,8 +350,9 @@ def nearest_of_ours(measured: Answers, work: Workload) -> Reference | None:
         return float(f"{error['p99']:.6g}"), error["rms"]
 
     nearest = min(known, key=ihip_error)
-    source = f"{nearest} on the exact curve"
-    return Reference(f"{source}, of ours the nearest to it", source, known[nearest], None)
+    reference = reference_of(nearest, resolve(nearest), work, quick=quick)
+    assert reference is not None, "it has an exact form"
+    return replace(reference, what=f"{reference.source}, of ours the nearest to it")
 
 
 def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Settings, Settings]:

@@ -367,7 +367,7 @@ class Sweep:
                 # Without a reference of its own, the nearest of ours.
                 with suppress(RefusalError):  # of what takes meshes alone
                     reference = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
-                self.references[key] = reference or nearest_of_ours(measured, work)
+                self.references[key] = reference or nearest_of_ours(measured, work, quick=self.quick)
         return self.references[key]
 
     def _round(self, number: int, order: np.random.Generator) -> None:
