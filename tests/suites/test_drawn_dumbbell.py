@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from hapticeval.discovery import resolve
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
 CASE = load_suite("generated").case("dumbbell-hand")
-
-
-@pytest.mark.parametrize("name", ["conformal", "set-stabilisation"])
-def test_no_more_fails_on_a_dumbbell_than_is_published(name):
-    judged = judge(resolve(name), name, "generated", CASE)
-    failed = {verdict.check for verdict in judged.verdicts if verdict.outcome != "pass"}
-    assert failed == set(CASE.published.get(name, {}))
 
 
 def test_a_foot_across_the_neck_draws_no_hand_inwards():

@@ -14,7 +14,6 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import RunOptions, plan
-from hapticeval.runner.progress import fill_table, suite_entry
 from hapticeval.runner.results import Robot, read_results
 from hapticeval.suite.case import Case
 from hapticeval.suite.outline import suites_named
@@ -42,51 +41,6 @@ def outcomes(suite: str, name: str, renderer: str) -> dict[str, Outcome]:
     return {verdict.check: verdict.outcome for verdict in judged(suite, name, renderer).verdicts}
 
 
-def test_the_group_is_the_six_suites():
-    kinds = ("cassinian", "circle", "line", "sphere", "surfaces", "unilateral")
-    assert tuple(f"dynamics-{kind}" for kind in kinds) == GROUP
-
-
-@pytest.mark.parametrize("suite", GROUP)
-def test_every_case_and_renderer_of_a_suite_can_be_built_and_alone_has_outcomes(suite):
-    loaded = load_suite(suite)
-    for name in loaded.renderers:
-        resolve(name)
-    for case in loaded.cases:
-        case.check_stimulus()
-        assert set(case.published) | set(case.closed_form) <= set(loaded.renderers)
-
-
-BARE = ("line", "line-robot", "line-along", "circle", "circle-off", "circle-robot", "circle-off-robot", "cassinian")
-CASES = [*((name.split("-")[0], name) for name in (*BARE, "cassinian-robot", "sphere", "sphere-off-robot"))]
-SURFACES = [("surfaces", case.name) for case in load_suite("dynamics-surfaces").cases]
-
-
-EVERYWHERE = ("minimum-distance+pp-pd", "set-stabilisation")
-"""Renderers that `make test` judges in every case; the others on the circle alone, and elsewhere in `make system`."""
-
-
-@pytest.mark.system
-@pytest.mark.parametrize(
-    ("suite", "name", "renderer"),
-    [
-        pytest.param(*case, renderer, marks=[pytest.mark.system] * (case[0] != "circle" and renderer not in EVERYWHERE))
-        for case in [*CASES, *SURFACES]
-        for renderer in [*SCHEMES, "set-stabilisation"]
-    ],
-)
-def test_every_verdict_is_as_published_and_every_closed_form_is_met(suite, name, renderer):
-    """On an ellipsoid and a torus, for which none is in print, the outcomes are those on the sphere."""
-    found = judged(suite, name, renderer)
-    assert golden.unexpected(found.verdicts) == []
-    got = outcomes(suite, name, renderer)
-    if suite == "surfaces":
-        sphere = outcomes("sphere", "sphere-off-robot" if "-off-" in name else "sphere-robot", renderer)
-        assert got == {check: outcome for check, outcome in sphere.items() if check != "closed-form"}
-    else:
-        assert got["closed-form"] is Outcome.PASS
-
-
 @pytest.mark.parametrize("start", ["", "-off"])
 @pytest.mark.parametrize("model", ["ellipsoid", "torus"])
 def test_the_tool_runs_on_a_geodesic_where_its_curvature_changes(model, start):
@@ -111,37 +65,6 @@ def test_the_tool_runs_on_a_geodesic_where_its_curvature_changes(model, start):
     assert np.abs(kept / kept[0] - 1.0).max() <= degree * 0.5 * dt * np.sum(steepest * squared) * dt < 0.1
     bend = np.einsum("ti,tij,tj->t", rate, shape, rate) / squared
     assert bend.max() > 2.0 * bend.min()
-
-
-@pytest.mark.parametrize("device", ["", "-robot"])
-def test_set_stabilisation_alone_passes_all_that_the_circle_asks(device):
-    passing = {
-        renderer
-        for renderer in (*SCHEMES, "set-stabilisation")
-        if {*outcomes("circle", f"circle{device}", renderer).values()}
-        | {*outcomes("circle", f"circle-off{device}", renderer).values()}
-        == {Outcome.PASS}
-    }
-    assert passing == {"set-stabilisation"}
-
-
-def test_the_table_of_the_circle_comes_out():
-    suite = load_suite("dynamics-circle")
-    verdicts = [
-        verdict
-        for name in ("circle", "circle-off", "circle-robot", "circle-off-robot")
-        for renderer in suite.renderers
-        for verdict in judged("circle", name, renderer).verdicts
-    ]
-    table = fill_table([suite_entry(suite)], verdicts)
-    added = {title: dict(cells).pop("minimum-distance+pp-pd-c") for title, cells in table.items()}
-    in_print = {
-        title: {name: cell for name, cell in cells.items() if name != "minimum-distance+pp-pd-c"}
-        for title, cells in table.items()
-    }
-    assert in_print == {row.title: row.published for row in suite.rows}
-    apart = "Keeps across and along apart on the circle"
-    assert added == {title: "No" if title == apart else "Yes" for title in table}, "what its one added term can do"
 
 
 @pytest.mark.parametrize("name", ["sphere-viscous", "sphere-driven"])
