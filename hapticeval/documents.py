@@ -199,7 +199,7 @@ def _steps(data: Any, path: list[str], what: str) -> list[str]:
     quoted = re.search("'.*'", what)
     steps = []
     for step in path:
-        # Of a mapping msgspec names no key: the entry is meant that holds what the message quotes.
+        # In a mapping msgspec names no key: take the entry that holds what the message quotes.
         if step == "..." and quoted is not None and isinstance(data, Mapping):
             step = next((str(key) for key, value in data.items() if quoted[0] in repr(value)), step)
         steps.append(step)

@@ -260,8 +260,8 @@ def origin(error: BaseException, file: str | None = None) -> str:
 def place_in_stack(stack: Sequence[tuple[str, int, str]]) -> str:
     """Return the place in foreign code at which a process was, from its `stack`, outermost frame first; "" without one.
 
-    Foreign code begins where ours calls it. Of its frames the innermost in the same folder is named, not that of a
-    library that it waits in. Where there is none, as in a C library that ours calls, ours is named.
+    Foreign code begins where ours calls it. The place is its innermost frame in the same folder, not one of a library
+    that it waits in. Where it has none, as in a C library that ours calls, the place is in ours.
     """
     # Frames of the standard library, such as sleep or a lock, say nothing of who called them.
     code = [frame for frame in stack if not _is_standard(PurePath(frame[0]))]

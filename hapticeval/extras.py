@@ -13,7 +13,7 @@ PACKAGE = "hapticeval"
 def install_command(extra: str) -> str:
     """Return the command that adds the libraries of an extra to this installation.
 
-    Of a checkout it names the folder, of a wheel the libraries themselves: so pip never looks this package up in an
+    For a checkout it names the folder, for a wheel the libraries themselves: so pip never looks this package up in an
     index, where anybody may have taken its name.
     """
     installations = list(distributions(name=PACKAGE))

@@ -92,8 +92,8 @@ def existing_file_error(path: Path) -> InputError:
 def file_stem(name: str) -> str:
     """Return a name as a file stem that is safe on every file system; different names give different stems.
 
-    Short names of small letters, digits, dots, hyphens and underscores stay as they are. Of any other, what can be kept
-    is followed by "~" and a digest of the name. Capitals count as unsafe, for some file systems ignore case.
+    Short names of small letters, digits, dots, hyphens and underscores stay as they are. Any other keeps what it can,
+    followed by "~" and a digest of the name. Capitals count as unsafe, for some file systems ignore case.
     """
     if SAFE_STEM.fullmatch(name) and not name.endswith("."):
         return name

@@ -499,7 +499,7 @@ def refuse_unknown(settings: Mapping[str, object], known: Mapping[str, Knob], *,
     """Raise `UnknownNameError` for the first of `settings` that is no knob of the renderer `name`."""
     for knob in settings:
         if knob not in known:
-            # Of several the first is named: the user mends one word at a time.
+            # Name the first of several: the user mends one word at a time.
             raise UnknownNameError(f"knob of {name}", knob, known)
 
 

@@ -312,7 +312,7 @@ def _cut_arcs(c: Contour) -> Array:
 MOST_CELLS_OFF = 3.0
 """Cells by which the contour may be off the surface.
 
-Of a wedge with the angle a the part that is narrower than a cell's diagonal may lie between the nodes: sqrt(2) / (2
+In a wedge with the angle a, the part that is narrower than a cell's diagonal may lie between the nodes: sqrt(2) / (2
 tan(a / 2)) cells, which is 1.2 at 60 degrees and 2.6 at 30. What is missing beyond that is a part of the model.
 """
 

@@ -28,9 +28,9 @@ distance h = n.(y - c) > 0 at every surface point y with outward unit normal n.
 
 A model that has such a point is star-shaped about it: each ray from c meets the surface once.
 
-Of the kernel the centre is taken that makes the mean of log h over the surface largest: the analytic centre, weighted
-by length, in space by area. The mean is strictly concave, so that there is one such point; it moves with the model, and
-does not depend on how an edge or a face is divided.
+The centre is the point of the kernel that makes the mean of log h over the surface largest: the analytic centre,
+weighted by length, in space by area. The mean is strictly concave, so that there is one such point; it moves with the
+model, and does not depend on how an edge or a face is divided.
 
 `support`, H, is the geometric mean of h there: with a stiffness K H^2 / h^2 the mean of its logarithm over the surface
 is that of K.

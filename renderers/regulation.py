@@ -28,7 +28,7 @@ where the projection is straight and normal, which the text says it does. It is 
 A slanted projection may have its foot across a neck, and the hand above the tangent there, n·e_p > 0: the spring would
 pull it to a surface that can only push. It gives nothing there, but in a bilateral scene.
 
-Of the square root the thesis prints F_r = k_p e^(1/2) + k_d e^(1/2) ė^(1/2) and gives neither direction, nor a meaning
+For the square root the thesis prints F_r = k_p e^(1/2) + k_d e^(1/2) ė^(1/2) and gives neither direction, nor a meaning
 for ė < 0, nor units or gains.
 
 Decided here: e is the length of e_p and ė its rate; the force points from HIP to IHIP; a hand on its way out is damped

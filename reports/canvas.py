@@ -182,7 +182,7 @@ def svg_element(svg: str, *, prefix: str, title: str) -> str:
     # Each role has a colour of its own, so that a colour in the file tells its role.
     for role, colour in {**THEME, "paper": "#ffffff"}.items():
         body = body.replace(colour, f"var(--fig-{role})")
-    # Of the box (x, y, width, height) the width: a pixel a point at least.
+    # The width of the box (x, y, width, height): a pixel a point at least.
     width = f"min-width:{box[1].split()[2]}px"
     head = (
         f'<svg viewBox="{box[1]}" class="figure" style="{width}" role="img" aria-label="{escape(title, quote=True)}">'

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from shapely import Geometry
 
 MOST_CONTACTS = 40
-"""Of a run with more contacts than this, beginnings and ends are not marked: nothing else would be seen."""
+"""A run with more contacts than this has no marks where they begin and end: nothing else would be seen."""
 
 IMPACT_SPEED = 0.02
 """Speed (m/s) towards the surface from which on the beginning of a contact in a closed loop is marked as an impact."""

@@ -88,7 +88,7 @@ class Tile:
     def margin(self) -> str:
         """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound.
 
-        Of a pass that says "continuous", by how many times the IHIP's longest step is the HIP's.
+        For a pass that says "continuous", by how many times the IHIP's longest step is the HIP's.
         """
         if not isinstance(self.worst, VerdictEntry) or self.standing is Standing.NOT_APPLICABLE:
             return ""
@@ -242,8 +242,8 @@ def is_sound(results: ResultsDocument) -> bool:
 def worst_verdicts(results: ResultsDocument, count: int) -> list[VerdictEntry]:
     """Return what is not as expected, or warns, the gravest first; where there is none, the failures that are known.
 
-    Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check. What broken runs
-    took away is left out.
+    A check on a renderer has its worst verdict only, and a known one only the worst of its check. Verdicts that broken
+    runs took away are left out.
     """
     unexpected = [verdict for verdict in results.verdicts if verdict.standing.stops_strict]
     grave = [verdict for verdict in unexpected if not results.lost(verdict)]

@@ -1,7 +1,7 @@
 """The figure of runs in a file: the model, the paths of hand and tools on it, and the force against time.
 
-Several runs of a case lie over each other. Of a run that is alone also the force's components are drawn, the lines from
-hand to tool, and how far these move in a tick (playback) or how deep the hand is (experiment).
+Several runs of a case lie over each other. A run that is alone also has the force's components, the lines from hand to
+tool, and how far these move in a tick (playback) or how deep the hand is (experiment).
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     Where a `width` is given, tables that are wider are shown as lists.
     """
     stops = [verdict for verdict in _stopping_verdicts(results) if not results.lost(verdict)]
-    # Of these, warnings and entries of an outdated list are shown always, what is known or inherent with -v.
+    # Warnings and entries of an outdated list are always shown; what is known or inherent needs -v.
     unstopping = [verdict for verdict in results.verdicts if not results.stops(verdict)]
     worst = stops if verbose else stops[:VERDICTS_SHOWN]
     more = len(stops) - len(worst)

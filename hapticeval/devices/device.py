@@ -203,8 +203,8 @@ class Fit(NamedTuple):
 def fit_in_workspace(device: Device, model: Model | ArrayLike) -> Fit:
     """Return whether a model's boundary, or points (n, N), m, lie in the functional workspace (Assumption 7.1).
 
-    A boundary is sampled at `BOUNDARY_POINTS` points. Of an unbounded line only one point must lie in it. Raises
-    `InputError` for a model or points of another dimension than the device's.
+    A boundary is sampled at `BOUNDARY_POINTS` points. An unbounded line needs one point in it. Raises `InputError` for
+    a model or points of another dimension than the device's.
     """
     from hapticeval.geometry.model import Model
 

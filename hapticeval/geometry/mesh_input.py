@@ -198,7 +198,7 @@ ExactPoint = tuple[Fraction, ...]
 def meeting_points(first: Sequence[ExactPoint], second: Sequence[ExactPoint]) -> Iterator[ExactPoint]:
     """Yield points at which two triangles meet, exactly: where edges of one pass through the other.
 
-    Of two in one plane those are corners of the area that they have in common.
+    Two in one plane meet in the corners of the area that they share.
     """
     for one, two in ((first, second), (second, first)):
         normal = _cross(_difference(two[1], two[0]), _difference(two[2], two[0]))

@@ -70,7 +70,7 @@ def _projects_across_the_medial_axis(declared: Declared, finding: Finding) -> bo
 def _tunnels_without_memory(declared: Declared, finding: Finding) -> bool:
     """Return whether contact is lacking only where the hand is outside, having come through, or at the medial axis.
 
-    A contact that is let go is no theorem's: the nearest point exists wherever the hand is inside.
+    No theorem excuses a contact that is let go: the nearest point exists wherever the hand is inside.
     """
     facts = finding.facts
     if declared.get("memory") != "none" or facts.fault != "tunnelled":

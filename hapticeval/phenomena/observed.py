@@ -272,7 +272,7 @@ class Observed:
         """Whether a simulated hand never comes to the model, and feels nothing: a case that asks for free space alone.
 
         The way from each HIP to the next is clear where the distances at its ends cover it, or the solid does not bar
-        it. Of a recording of others it is not known what was to be touched.
+        it. A recording of others does not say what was to be touched.
         """
         if self.scene.bilateral or self.meta.get("source") not in SIMULATED:
             return False
@@ -391,7 +391,7 @@ class Observed:
     def force_lag(self) -> float:
         """How many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
 
-        A force that rests while HIP - IHIP changes is as much later. Of a force alone see `lag.force_only_lag`.
+        A force that rests while HIP - IHIP changes is as much later. For a force alone see `lag.force_only_lag`.
         """
         resting = resting_ticks(self.force) - resting_ticks(self.hip - self.ihip)
         rests = np.maximum(resting, 0)[self.contact]
@@ -420,7 +420,7 @@ class Observed:
         """Return by how much rounding may move numbers of `sizes` (n,), in their unit, that are made of positions.
 
         `per_metre` (a number or (n,)) is what a metre makes of them: K of a spring's force, K times the path of its
-        work. Of all that is summed up in a number `share` is open, and so much of its smallest part.
+        work. The part `share` of all that is summed up in a number is open, and as much of its smallest part.
         """
         return np.asarray(share * (sizes + per_metre * float(np.max(np.abs(self.hip)))))
 

@@ -15,7 +15,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 Candidate = TypeVar("Candidate")
-"""One of several of which the worst is named."""
+"""One of several, of which a finding names the worst."""
 
 LED = ("playback", "replay")
 """Sources of recordings in which the hand was led along a given path, whatever the force."""

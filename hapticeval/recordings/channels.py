@@ -84,7 +84,7 @@ def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
     # A declaration from a file or a user may hold anything.
     if not all(isinstance(part, str) for part in declaration) or not declaration.unit:
         raise InputError(f"channel '{name}' is declared as {tuple(declaration)}", todo="give it a unit and a meaning")
-    # Of a known channel only the sign convention is open: unit and frame are what every reader assumes.
+    # In a known channel only the sign convention is open: unit and frame are what every reader assumes.
     if known is not None and (declaration.unit, declaration.frame) != (known.unit, known.frame):
         raise InputError(
             f"channel '{name}' is declared in {declaration.unit}, frame {declaration.frame}",

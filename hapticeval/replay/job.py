@@ -39,7 +39,7 @@ class ReplayTask:
     def __call__(self, job: Job, directory: Path | None, seed: int) -> JudgedJob:
         """Do one job, in a process of its own.
 
-        Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
+        An inconclusive verdict on what no renderer could have made otherwise decides no exit code.
         """
         seed_all(seed)
         # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate. Those

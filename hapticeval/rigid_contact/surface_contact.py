@@ -62,8 +62,8 @@ FLIGHT_ANGLE = 0.2
 def surface_terms(reals: Array, p: Triple, v: Triple) -> tuple[float, Triple, float]:
     """Return f (m^2 or 1), its gradient, and the second derivative v.H v along v, at p (m) on or beside the surface.
 
-    `reals` (k,) has the surface's kind and lengths (m). Of a torus 2 f = (rho - major)^2 + z^2 - minor^2, with rho the
-    distance from the axis; of an ellipsoid 2 f = sum (x_i / e_i)^2 - 1.
+    `reals` (k,) has the surface's kind and lengths (m). For a torus 2 f = (rho - major)^2 + z^2 - minor^2, with rho the
+    distance from the axis; for an ellipsoid 2 f = sum (x_i / e_i)^2 - 1.
     """
     surface = as_record(reals, SURFACE)
     if surface.kind == TORUS:

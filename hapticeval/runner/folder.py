@@ -170,7 +170,7 @@ def remove_reports(directory: Path) -> None:
     """
     try:
         for report in (directory / name for name in REPORTS):
-            # Of a link to a folder the link is removed, never what it leads to.
+            # From a link to a folder it removes the link, never what that leads to.
             if report.is_dir() and not report.is_symlink():
                 shutil.rmtree(report)
             else:

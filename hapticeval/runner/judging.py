@@ -28,7 +28,7 @@ from hapticeval.suite.case import Case
 class Judged:
     """What came of one renderer in one case; `recording` is None where the renderer broke in the run that is judged.
 
-    `closed_form` names the closed form of the renderer's law in this scene, if it has one. Of a run that ended early,
+    `closed_form` names the closed form of the renderer's law in this scene, if it has one. Where a run ended early,
     since device or law left its domain or the loop ran away, `ended` has tick and time (s), what and why.
 
     `step_seconds` is the median time of a step of the run that is judged, s. It is None where fewer than
@@ -149,7 +149,7 @@ def merge_findings(findings: Sequence[Finding]) -> Finding:
     # All stretches say the same: nothing is to be counted.
     if len({(finding.outcome, finding.message, finding.metric) for finding in findings}) == 1:
         return findings[0]
-    # By rank, then by margin: among failures the one that fails by most is shown.
+    # By rank, then by margin: among failures the one that fails by most comes first.
     gravest = min((finding.outcome for finding in findings), key=RANK.index)
     candidates = [(index, finding) for index, finding in enumerate(findings) if finding.outcome is gravest]
     index, worst = worst_of(candidates, lambda candidate: -_margin(candidate[1]))

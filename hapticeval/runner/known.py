@@ -179,7 +179,7 @@ class Known:
         for _, place in self.entries:
             suite, case, check = place.split("/")
             with at(f"{self.source}: '{place}'"):
-                # Of a suite that is not among these nothing is known, and any case will do.
+                # Nothing is known of a suite that is not among these, and any case will do.
                 if case not in checks.get(suite, {case: ()}):
                     raise UnknownNameError(f"case of {suite}", case, checks[suite])
                 if suite in checks and check not in checks[suite][case]:

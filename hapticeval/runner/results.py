@@ -260,7 +260,7 @@ class RunEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def is_recorded(self) -> bool:
-        """Return whether this is the recorded run of a replay, which is no renderer's."""
+        """Return whether this is the recorded run of a replay, which no renderer made."""
         return self.replay is not None and self.replay.difference is None
 
     @property
@@ -421,7 +421,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     def measured(self) -> str:
         """Metric and bound, lengths in mm, for instance `IHIP jump = 4.1 mm, bound 0.1 mm`; "" where there is none.
 
-        Of a failure that is worse than the known one, that as well.
+        A failure that is worse than the known one says so as well.
         """
         metric, texts = self.metric, []
         if metric is not None and metric.value is not None:

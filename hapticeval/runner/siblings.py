@@ -126,8 +126,8 @@ class SiblingRuns:
     def judged_parts(self, runs: Runs) -> tuple[Runs, ...]:
         """Return the runs that are judged: these, or of a body that jumps those of each stretch between two jumps.
 
-        A jump is no contact, and the answers of three ticks from there on are nobody's. A stretch has the siblings that
-        are made along the whole path, and jump with it; none that lead the hand otherwise.
+        A jump is no contact, and nothing is asked of the answers in the three ticks after it. A stretch has the
+        siblings that are made along the whole path, and jump with it; none that lead the hand otherwise.
         """
         base, motion = runs.base, self.scene.motion
         if motion is None or not motion.jumps:

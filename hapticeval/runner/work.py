@@ -84,8 +84,8 @@ def store_recording(judged: Judged, job: Job, directory: Path | None) -> JudgedJ
 def _labelled(recording: Recording, job: Job) -> Recording:
     """Return the recording with what it takes to render it again: renderer, model and scene."""
     case = job.case
-    # Of the scene first its numbers and effects, over them what else the case's table says, as it is written there, and
-    # over all the model as the case names it.
+    # The scene has its numbers and effects, then what else the case's table says, as it is written there, and then the
+    # model as the case names it.
     origin = {
         "renderer": job.renderer,
         "suite": job.suite,

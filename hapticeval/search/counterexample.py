@@ -106,7 +106,7 @@ def line(counterexample: StoredCounterexample) -> str:
     """Return a counterexample in one line: what breaks, on how small a case, after how many examples."""
     fault = counterexample.fault
     what = f"{fault.check}: {fault.message};"
-    # Of a jump its size says more than the check's message.
+    # The size of a jump says more than the check's message.
     if fault.check == JUMP_CHECK and fault.value is not None and fault.kind in ("mini", "major"):
         what = f"{'mini ' if fault.kind == 'mini' else ''}pop-through of {format_length(fault.value)}"
     elif fault.check == RENDERER:

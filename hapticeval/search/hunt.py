@@ -270,7 +270,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         hand_path = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
         return np.asarray(answers_along(renderer_instance, hand_path, scene.sampling_time, scene=scene).ihip[-1])
 
-    # Of a proxy that lags the hand has made the step before the IHIP jumps.
+    # Where a proxy lags, the hand has made the step before the IHIP jumps.
     for tick_after in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):
         hip_low, hip_high = hips[tick_after - 1], hips[tick_after]
         ihip_low, ihip_high = answer(tick_after - 1, hip_low), answer(tick_after - 1, hip_high)

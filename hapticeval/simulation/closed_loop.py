@@ -65,7 +65,7 @@ def simulate_closed_loop(renderer: AnyRenderer, experiment: Experiment, scene: S
     `force` is the renderer's, `operator_force` the mean over the tick that follows the sample, and `joint_torque` what
     the motors really give, or its mean where a delay changes it within the tick.
 
-    Of a body that slides evenly the loop runs in the frame of the body, in which a point mass does the same.
+    Where the body slides evenly the loop runs in its frame, in which a point mass does the same.
 
     A renderer that offers a compiled law is run without Python, with the same numbers.
 

@@ -16,7 +16,7 @@ For anyone's tests:
 Examples print as code that can be pasted. When hypothesis shrinks one it gets simpler: fewer parts, shallower, nearer
 to where the model's outline begins.
 
-All numbers come from small whole ones. Of larger numbers hypothesis draws some from the source of whatever modules are
+All numbers come from small whole ones. Hypothesis draws some larger numbers from the source of whatever modules are
 loaded, so that the same seed would give other examples in another program.
 """
 

@@ -73,7 +73,7 @@ def _places_of(boundary: Boundary, size: float) -> list[Place]:
 class Edge(NamedTuple):
     """A corner of a plane model, or an edge of a solid.
 
-    Of a solid `corner` is the cut across the edge at its middle, and `along` (N,), m, leads from one end of the edge to
+    In a solid `corner` is the cut across the edge at its middle, and `along` (N,), m, leads from one end of the edge to
     the other; in the plane it is zero.
     """
 

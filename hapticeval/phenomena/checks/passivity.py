@@ -105,7 +105,7 @@ def _at_own_rate(base: Observed, sampled: SampledWork, closed_paths: list[Closed
     if base.scene.effects or base.declares_wide_range or "ihip" not in base.channels:
         return None
     alone = base.lacks_ihip
-    # Of a force alone the surface's nearest point shows how stiff and how late it is.
+    # For a force alone, the surface's nearest point shows how stiff and how late it is.
     base = base.with_nearest_points if alone else base
     lag = float(force_only_lag(base.recording, base.pressed)) if alone else base.force_lag
     rounding = base.rounding_floor(sampled.effort, base.scene.stiffness * sampled.path)

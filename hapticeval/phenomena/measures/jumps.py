@@ -86,7 +86,7 @@ def _is_flight(recording: Observed, boundary: Boundary, tick: int, bound: float)
     """
     before, now = recording.ihip[tick - 1], recording.ihip[tick]
     near = DETOUR_BOUNDS * bound
-    # Of a shorter step both ends are near one place.
+    # Both ends of a shorter step are near one place.
     if distance_between(before, now) <= FLIGHT_BOUNDS * bound:
         return False
     # Through the solid no tool flies, and most jumps lead there.

@@ -256,7 +256,7 @@ def _depth_direction(force: Array, error: Array, spring: Spring | None) -> tuple
 def _stiffness_share(force: Array, error: Array, stiffness: float, spring: Spring | None) -> Array:
     """Return the stiffness as a share of the scene's, (n,): -F.e / e^2, or F^2 / -F.e across the surface.
 
-    Of a force of any direction it is |F| / |e|, negative where it pulls. F is (n, N), N, and e = HIP - IHIP (n, N), m;
+    For a force of any direction it is |F| / |e|, negative where it pulls. F is (n, N), N, and e = HIP - IHIP (n, N), m;
     not a number where there is nothing to divide by.
     """
     push = -np.sum(force * error, axis=1)

@@ -118,7 +118,7 @@ def _followed_rows(base: Observed, feet: Array, distance: Array) -> tuple[BoolAr
     outside = (distance > near) & (not scene.bilateral)
     judged, branch_doubt = np.zeros(len(base), dtype=bool), np.zeros(len(base))
     for first, end in runs_of(contact):
-        # Of a contact that a log begins with it is not known where it began.
+        # A log that begins in contact does not tell where the contact began.
         known = base.meta.get("source") in SIMULATED if first == 0 else abs(distance[first]) <= near[first]
         ends = np.flatnonzero((jumps | outside)[first + 1 : end])
         last = first + 1 + int(ends[0]) if ends.size else end

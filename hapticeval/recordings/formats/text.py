@@ -133,7 +133,7 @@ def _dialect(lines: Sequence[str]) -> _Dialect:
 
     def score(separator: str) -> tuple[int, int]:
         dialect = _Dialect(separator)
-        # Of the lines that are rows of numbers, as many as have the most common number of cells count.
+        # Count the rows of numbers that have the most common number of cells.
         widths = Counter(len(dialect.cells(line)) for line in lines if dialect.is_row(line))
         width, count = widths.most_common(1)[0] if widths else (0, 0)
         return count if width > 1 else 0, -SEPARATORS.index(separator)

@@ -107,8 +107,8 @@ COMPUTED = ("ihip", "contact")
 def issues_of_values(recording: Recording) -> Iterator[Issue]:
     """Yield the jumps, dropouts, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
-    Of what a renderer computes only spikes, and as a note: a proxy rests on a face, leaps off an edge, or pops. A motor
-    at its limit is a note, too.
+    What a renderer computes has only spikes, as notes: a proxy rests on a face, leaps off an edge, or pops. A motor at
+    its limit is a note, too.
     """
     for name, (channel, unit, values) in columns_of(recording).items():
         sound = recording.measured & np.isfinite(values)

@@ -1,7 +1,7 @@
 """Contacts of a tool with a wall in one dimension: impulse, apparent stiffness, restitution, each with its error.
 
-The press p is the wall's force against the tool, positive, less what the sensor read just before the touch. Of each
-contact
+The press p is the wall's force against the tool, positive, less what the sensor read just before the touch. Each
+contact has
 
     impulse      J = integral of p dt                         N s
     stiffness    slope of p over x, from touch to peak        N/m, by least squares

@@ -44,8 +44,8 @@ LAG_TOLERANCE = 1.1
 RATIO_TOLERANCE = 0.2
 
 NOISE_TIMES = 3.0
-"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), show nothing. Of a position that is
-made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
+"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), show nothing. For a position that
+is made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
 
 
 class Fit(NamedTuple):

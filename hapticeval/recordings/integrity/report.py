@@ -186,7 +186,7 @@ def _issues(report: Integrity) -> list[str]:
     advised: set[tuple[str, str, str]] = set()
     for issue in report.issues:
         key = (issue.kind, issue.channel)
-        # Of one kind and channel the first few say it all: the others are counted.
+        # The first few of one kind and channel say it all: count the others.
         counts[key] = counts.get(key, 0) + 1
         if counts[key] > MOST_LISTED_ISSUES:
             continue

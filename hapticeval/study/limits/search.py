@@ -159,8 +159,9 @@ def rests_after_release(factory: RendererFactory, scene: Scene, place: Place, co
 def _distance_after_release(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> Array:
     """Return the signed distance (n,), m, from the surface in a run that begins `RELEASE_OFFSET` off it.
 
-    Of the run as long as the tool is near the place: the anisotropic inertia of a robot makes a slide of a swing that
-    grows, and the tool may come to rest where a stiffer loop is stable. Empty where the loop ended before its time.
+    The run counts as long as the tool is near the place: the anisotropic inertia of a robot makes a slide of a swing
+    that grows, and the tool may come to rest where a stiffer loop is stable. Empty where the loop ended before its
+    time.
     """
     bilateral = replace(scene, stiffness=stiffness, bilateral=True)
     ended = np.empty(0)
@@ -230,7 +231,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
             unstable.append((eigenvalue_limit(loop, facing, steps=12), place))
     if not unstable:
         return ""
-    # The place with the lowest limit is told.
+    # It names the place with the lowest limit.
     limit, place = min(unstable, key=lambda entry: entry[0])
     where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
     range_text = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"

@@ -281,7 +281,7 @@ def measure(name: str, run: Run | None, options: Mapping[str, Any], other: Run |
 def outlines(model: str, representation: str, depths: tuple[float, ...]) -> list[Array]:
     """Return the outline of a represented model, closed lines (n, 2), m, and those at `depths` (m) under it.
 
-    Of a curve the points are pushed along their normals, which makes swallowtails; of a level set the lines are those
+    For a curve the points are pushed along their normals, which makes swallowtails; for a level set the lines are those
     of its signed distance, which has none (5.2.3).
     """
     import contourpy
