@@ -223,6 +223,7 @@ class WrappedRenderer:
     - `pieces`: the edges or triangles that it was given for a smooth model: what follows from them is not its fault;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
     - `declares`: the `Declaration` of what its answers keep to;
+    - `rendered_as`: the projection that answers in place of the one that it is named for, where the model has none;
     - `supports`: names of what it can beside a unilateral contact without viscosity, see `check_support`.
     """
 
@@ -238,13 +239,15 @@ class WrappedRenderer:
     resolution: float = 0.0
     standoff: float = 0.0
     declares: Declaration | None = None
+    rendered_as: str = ""
     supports: frozenset[str] | None = None
 
     @property
     def meta(self) -> dict[str, Any]:
         """What the renderer declares, as metadata of a recording."""
-        lengths = {"resolution": self.resolution, "standoff": self.standoff}
-        return lengths if self.declares is None else lengths | self.declares.meta
+        entries: dict[str, Any] = {"resolution": self.resolution, "standoff": self.standoff}
+        entries |= {"rendered_as": self.rendered_as} if self.rendered_as else {}
+        return entries if self.declares is None else entries | self.declares.meta
 
     @property
     def contact(self) -> bool | None:
@@ -339,6 +342,7 @@ def _wrap(renderer: object) -> WrappedRenderer:
         resolution=_declared_length(renderer, "resolution"),
         standoff=_declared_length(renderer, "standoff"),
         declares=promise,
+        rendered_as=str(getattr(renderer, "rendered_as", "")),
         supports=_declared_support(renderer),
     )
 

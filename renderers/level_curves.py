@@ -347,14 +347,17 @@ SAFE = 1.0 - 1e-6
 def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = None) -> Projection:
     """Return the projection on the scene's exact curve, or on a sphere or an ellipsoid.
 
-    `centre` (N,), m, is that of the kernel unless it is given. Raises as `centre_of` does.
+    Where that has a convex corner, is round or a mesh it is `homothetic`, and the recording says so. `centre` (N,), m,
+    is that of the kernel unless it is given. Raises as `centre_of` does.
     """
     model = scene.model
     boundary = model.boundary
     middle = kernel_centre_of(model, boundary, centre)
     is_round = middle.largest - middle.smallest <= SUPPORT_ROUNDING * middle.support
     if is_round or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
-        return homothetic(scene, representation, centre=centre)
+        projection = homothetic(scene, representation, centre=centre)
+        projection.rendered_as = "homothetic"
+        return projection
     # m of the potential: neither curvature nor support distance may let level curves cross
     shape = model.surface if model.dimension == 3 else model.curve
     curvature = once(model, "largest curvature", lambda: largest_curvature(shape))

@@ -583,7 +583,7 @@ class LutProjection(Projection):
             own=potential_record(exact.potential) if exact.potential else (),
             arrange=lambda data: LutData(data.params, data.state, table.arrays, exact_law, exact_data),
         )  # fmt: skip
-        self.table = table
+        self.table, self.rendered_as = table, exact.rendered_as
 
 
 def _blurred_supports(supports: Sequence[float], reach: float) -> tuple[float, ...]:

@@ -68,7 +68,10 @@ class Projection:
       least and the largest support distance (m) of the surface about its centre; both are empty without one.
     - `exact`: whether it goes to the nearest point of the exact surface: what a scheme does with that has closed forms.
     - `smooth_only`: whether it is made for surfaces without corners.
+    - `rendered_as`: its name, where it stands in for a projection that the model does not allow.
     """
+
+    rendered_as: str = ""
 
     def __init__(
         self,
@@ -150,7 +153,7 @@ class ProjectiveRenderer(LawRenderer):
         law = CompiledStep(projection.law, projection.data(gains_of(regulation, scene)), domain_exits={})
         lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
         super().__init__(law, projection.surface, **lengths)
-        self.projection = projection
+        self.projection, self.rendered_as = projection, projection.rendered_as
         self.regulation = regulation
         self.declares = declaration_of(projection, regulation, scene)
 

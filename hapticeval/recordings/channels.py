@@ -115,6 +115,7 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "dt": ("positive", "sampling time that the loop was meant to have, s"),
         "resolution": ("length", "length of surface over which the representation is blurred, m"),
         "standoff": ("length", "how far the rendered surface may lie off the model, m"),
+        "rendered_as": ("text", "projection that answers in place of the renderer's own, where the model has none"),
         "spring": ("text", "what the renderer declares its force to be K_p times of: error or normal"),
         "stiffness_least": ("positive", "least stiffness that the renderer declares, as a share of the scene's"),
         "stiffness_largest": ("positive", "its largest; without one 32 times the scene's"),

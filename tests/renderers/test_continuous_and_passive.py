@@ -33,6 +33,7 @@ from hapticeval.geometry.catalogue import (
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.records import as_record, numbers_of
+from hapticeval.renderer import wrapped
 from hapticeval.renderers import level_curves, minimum_distance
 from hapticeval.renderers.level_curves import combescure, homothetic
 from hapticeval.renderers.potential import POTENTIAL, NoKernelError, centre_of, level_at, level_values
@@ -312,6 +313,14 @@ def test_down_to_half_of_its_reach_combescure_is_the_nearest_point_with_k_times_
     if reach > 0.0:
         for found, known in zip(led(renderer, hips, DT), led(nearest, hips, DT), strict=True):
             np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-12)
+
+
+def test_a_recording_says_where_combescure_is_homothetic():
+    models = PLANE | SPACE
+    said = {kind: wrapped(rendered("combescure", model)).meta.get("rendered_as") for kind, model in models.items()}
+    itself = {"cassinian", "ellipse", "dumbbell", "ellipsoid", CLOVER.name}
+    assert {kind for kind, name in said.items() if name is None} == itself
+    assert {said[kind] for kind in said.keys() - itself} == {"homothetic"}
 
 
 def test_the_stiffness_of_homothetic_goes_with_the_support_and_is_k_in_the_geometric_mean():
