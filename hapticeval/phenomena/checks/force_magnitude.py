@@ -133,18 +133,18 @@ def _finding(base: Observed, measured: ApparentStiffness, level: Level) -> Findi
         bound = _edge_left(measured, worst, shares) + float(measured.allowed_in_lag[worst])
         return replace(_failed_finding(base, measured, outside, worst, bound), level=Level.MUST)
     # What is declared is what is asked for: within it no share is off.
-    asked = base.stiffness_range or (1.0, 1.0)
+    declared = base.stiffness_range or (1.0, 1.0)
     measured = measured.rows(measured.allowed <= TELLING_SHARE)
     if measured.begins.all():  # or there are none
         return undecided(
             "a damper, m kappa v^2 of the curvature or rounding may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
-    excess = _excess_felt(base, measured, measured.beyond(asked, measured.allowed))
+    excess = _excess_felt(base, measured, measured.beyond(declared, measured.allowed))
     worst = worst_row(excess)
     bound = float(measured.allowed[worst])
     if excess[worst] > 0.0:
-        bound += _edge_left(measured, worst, asked)
+        bound += _edge_left(measured, worst, declared)
         return replace(_failed_finding(base, measured, excess, worst, bound), level=level)
     # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
     metric = CHECK.measured(np.maximum(excess + measured.allowed, 0.0)[worst])
@@ -194,12 +194,12 @@ def _describe_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
 def _failed_finding(base: Observed, measured: ApparentStiffness, excess: Array, worst: int, bound: float) -> Finding:
     tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
     force, depth = float(base.force_size[tick]), float(measured.depth[worst])
-    asked = base.scene.stiffness * depth
+    spring_force = base.scene.stiffness * depth
     # Two numbers that differ are printed so that they do.
-    digits = 3 if newtons(force) != newtons(asked) else 6
+    digits = 3 if newtons(force) != newtons(spring_force) else 6
     message = (
         f"{base.cause}: {newtons(force, digits)} {mm(depth)} deep at {base.time_and_hip(tick)}, where K asks for "
-        f"{newtons(asked, digits)}"
+        f"{newtons(spring_force, digits)}"
     )
     evidence = _evidence(base, measured, worst) | base.cause_evidence | {"share_off": float(np.mean(excess > 0.0))}
     return Finding(Outcome.FAIL, message, CHECK.measured(abs(share - 1.0)), bound, evidence)

@@ -1,10 +1,13 @@
-"""Whether a recording can be trusted: the examination of clock, columns and relations, and its report as text."""
+"""Whether a recording can be trusted: the examination of clock, columns and relations, and its report as text.
+
+Where a relation to the model does not hold, the diagnosis names the cause behind it, see `explained`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +15,14 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.quantity import align_columns, format_number, plural
 from hapticeval.recordings.integrity import columns, relations
-from hapticeval.recordings.integrity.cause import explained
-from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
+from hapticeval.recordings.integrity.consistency import (
+    CONTACT_RELATION,
+    IMPLIED_RELATION,
+    SPRING_RELATION,
+    ConsistencyTest,
+    Kinematics,
+    inverse_checks,
+)
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.issue import Issue, Severity, no_measurement
 from hapticeval.recordings.integrity.timing import Timing, dropped_rows, examine_timing
@@ -293,3 +302,70 @@ def _known(value: float, digits: int = 3) -> str:
     """Write significant digits without an exponent, `-` for what is not known."""
     # Rounded by its significant digits, then written without an exponent.
     return f"{float(f'{value:.{digits}g}'):g}" if math.isfinite(value) else "-"
+
+
+EXPLAINED_RELATIONS = (SPRING_RELATION, IMPLIED_RELATION, CONTACT_RELATION)
+"""The relations whose issues have a cause in the force, or in where the hand is."""
+
+MOST_ROWS = 20_000
+"""Rows from which a cause is sought, *chosen*: 20 s at 1 kHz, in which a hand presses and slides often enough."""
+
+
+def explained(
+    recording: Recording, issues: Iterable[Issue], model: Model | None, stiffness: float | None
+) -> tuple[Issue, ...]:
+    """Return the issues, the first one of `EXPLAINED_RELATIONS` with the cause that the diagnosis names.
+
+    It is sought in the longest stretch without a gap and without rows that another issue takes for no measurement:
+    with the `model` and K_p, its `stiffness` in N/m, or of a logged IHIP with the latter alone.
+    """
+    listed = tuple(issues)
+    first = next((at for at, issue in enumerate(listed) if issue.kind in EXPLAINED_RELATIONS), None)
+    if first is None or stiffness is None or (model is None and listed[first].kind != SPRING_RELATION):
+        return listed
+    issue = _explained(recording, listed[first], listed, model, stiffness)
+    return (*listed[:first], issue, *listed[first + 1 :])
+
+
+def _explained(
+    recording: Recording, issue: Issue, others: Sequence[Issue], model: Model | None, stiffness: float
+) -> Issue:
+    # Few logs ask for it: what imports an examination loads none of it.
+    from hapticeval.diagnosis import diagnose, right_contact
+
+    sound = recording.measured.copy()
+    for other in others:
+        if no_measurement(other):
+            sound[other.first : other.end] = False
+    longest = max(stretches(recording, sound), key=lambda stretch: stretch.end - stretch.first, default=None)
+    if longest is None:
+        return issue
+    rows = slice(longest.first, min(longest.end, longest.first + MOST_ROWS))
+    place = recording.channels.get("measured_hip", recording.hip)[rows]
+    contact = right_contact(
+        None if model is None else model.boundary,
+        recording.time[rows],
+        place,
+        recording.channels["velocity"][rows] if "velocity" in recording.channels else None,
+        stiffness=stiffness,
+        points=recording.ihip[rows] if issue.kind == SPRING_RELATION else None,
+    )
+    diagnosis = diagnose(
+        contact,
+        recording.force[rows],
+        noisy=True,
+        tolerance=recording.standoff + recording.resolution,
+        boundary=None if model is None or issue.kind == SPRING_RELATION else model.boundary,
+    )
+    # A jump or a stuck sensor is the cause itself, where nothing else is found.
+    if not diagnosis.off or (diagnosis.cause is None and any(map(no_measurement, others))):
+        return issue
+    remedy = f" ({diagnosis.remedy})" if diagnosis.remedy else ""
+    # A gain alone is told as a stiffness: its number is what it is more than one.
+    if diagnosis.cause is not None and diagnosis.kind == "gain":
+        remedy = f", as of {stiffness * (1.0 + diagnosis.cause.numbers['gain'][0]):.6g} N/m{remedy}"
+    return replace(
+        issue,
+        message=f"{diagnosis.sentence}{remedy}: {issue.message}",
+        measures={**issue.measures, "cause": diagnosis.kind},
+    )
