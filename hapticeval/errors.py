@@ -167,13 +167,10 @@ def coordinates(point: Iterable[float]) -> str:
 
 
 @contextmanager
-def renderer_errors(
-    call: str, *, tick: int | None = None, hip: Iterable[float] | None = None, why: str = "", todo: str = ""
-) -> Iterator[None]:
+def renderer_errors(call: str, *, tick: int | None = None, hip: Iterable[float] | None = None) -> Iterator[None]:
     """Turn whatever a renderer's `call` ("step()") raises into a `RendererError`: foreign code may raise anything.
 
-    `why` is the place in its code where none is given. Errors that are meant for the user pass unchanged, and so does
-    Ctrl-C: see `is_foreign`.
+    Errors that are meant for the user pass unchanged, and so does Ctrl-C: see `is_foreign`.
     """
     try:
         yield
@@ -183,7 +180,7 @@ def renderer_errors(
         if not is_foreign(error):
             raise
         # The cause stays chained for a debugger; the message alone is for the user.
-        raise blame_renderer(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
+        raise blame_renderer(call, error, tick=tick, hip=hip) from error
 
 
 def is_foreign(error: BaseException) -> bool:
@@ -192,23 +189,18 @@ def is_foreign(error: BaseException) -> bool:
 
 
 def blame_renderer(
-    call: str,
-    error: BaseException,
-    *,
-    tick: int | None = None,
-    hip: Iterable[float] | None = None,
-    why: str = "",
-    todo: str = "",
+    call: str, error: BaseException, *, tick: int | None = None, hip: Iterable[float] | None = None
 ) -> RendererError:
     """Return the `RendererError` for what a renderer's `call` raised: see `renderer_errors`."""
     what = f"the renderer's {call} raised {describe_error(error)}"
     frames = traceback.extract_tb(error.__traceback__)
+    why, todo = origin(error), ""
     # A TypeError with no frame of foreign code: the call itself did not fit the signature.
     if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(frame.filename)) for frame in frames):
         why, todo = f"it is called as {CALLS[call]}", "let it take these arguments; see docs/write-a-renderer.md"
     if isinstance(error, MemoryError):
         todo = "see what it keeps from tick to tick: the memory of this machine ran out"
-    return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
+    return RendererError(what, tick=tick, hip=hip, why=why, todo=todo)
 
 
 CALLS = {

@@ -201,14 +201,14 @@ class CounterexampleFiles(NamedTuple):
         return notes(self.counterexample)
 
 
-def list_counterexamples(folder: FilePath, *, suffix: str = ".svg") -> list[CounterexampleFiles]:
-    """Return the counterexamples below `folder` by renderer and check, with pictures of a `suffix`: .svg or .png.
+def list_counterexamples(folder: FilePath) -> list[CounterexampleFiles]:
+    """Return the counterexamples below `folder` by renderer and check, with the pictures that are there.
 
     None where there is no such folder. Raises `InputError`, naming the file, for one that is none of ours.
     """
     counterexamples = []
     for file in _counterexample_files(folder):
-        picture = file.with_suffix(suffix)
+        picture = file.with_suffix(".svg")
         counterexamples.append(
             CounterexampleFiles(
                 _read_counterexample(file), file.with_suffix(".toml"), picture if picture.is_file() else None

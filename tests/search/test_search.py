@@ -355,7 +355,6 @@ def test_the_command_writes_tells_and_replays(mine, capsys, monkeypatch):
     (shown,) = list_counterexamples(out)
     assert shown.line in said
     assert (shown.suite, shown.picture) == (place / "continuous-contact.toml", place / "continuous-contact.svg")
-    assert list_counterexamples(out, suffix=".pdf")[0].picture is None
     assert list_counterexamples(mine / "nothing") == []
     assert {file.suffix for file in place.iterdir()} == {".toml", ".csv", ".json", ".svg", ".png"}
     assert run("--replay", out, "-r", "mine:Nearest", "-r", "ideal") == 1
