@@ -23,7 +23,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -295,18 +295,15 @@ def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, l
         losses.append(f"every signal, all of its {count} rows")
         return None
     rows = slice(None) if readable_rows.all() else readable_rows
-    sequence, marked, clock = parts.get("sequence"), parts.get("valid"), None
-    if base == "nanoseconds":
-        stated = file[base].attrs
-        anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
-        # Cycle numbers with a hole of their own would show cycles as missed that were not.
-        counted = sequence.values[rows] if sequence is not None and sequence.readable[rows].all() else None
-        clock = Clock(stamps.values[rows], int(stated["start"]), anchor, counted)
+    clock = (
+        _clock(file[base].attrs, stamps.values[rows], parts.get("sequence"), rows) if base == "nanoseconds" else None
+    )
     time = stamps.values[rows] if clock is None else clock.seconds
     # A channel of which no row is readable is absent from the recording, not full of NaN.
     left = {name: channel for name, channel in channels.items() if channel.readable[rows].any()}
     valid = np.all([channel.readable[rows] for channel in left.values()], axis=0) & np.ones(len(time), dtype=bool)
     if "valid" in parts:
+        marked = parts["valid"]
         # A mask that cannot be read vouches for no row.
         valid &= False if marked is None else ((marked.values != 0) & marked.readable)[rows]
     losses += _row_losses(parts, readable_rows, time)
@@ -321,6 +318,14 @@ def _readable_recording(path: Path, file: Any, selected: Sequence[str] | None, l
         signals={name: channel.signal for name, channel in left.items()},
         events=events + tuple(Event(float(time[-1]), LOST_EVENT, loss) for loss in losses),
     )
+
+
+def _clock(stated: Mapping[str, Any], stamps: Any, sequence: _Part | None, rows: Any) -> Clock:
+    """Return the clock that gave the `stamps` (n,), ns, of the `rows`, as the attributes of these state it."""
+    anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
+    # Cycle numbers with a hole of their own would show cycles as missed that were not.
+    counted = sequence.values[rows] if sequence is not None and sequence.readable[rows].all() else None
+    return Clock(stamps, int(stated["start"]), anchor, counted)
 
 
 def _size(holder: Any, name: str) -> int:

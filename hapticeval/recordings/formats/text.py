@@ -332,30 +332,38 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     above, remarked = ([_names(line, row, dialect) for line in candidates] for candidates in (words, comments[-1:]))
     above = [names for names in above if names] or [names for names in remarked if names]
     if not above:
-        if dialect.separator == "," and any(1 < len(dialect.cells(line)) == width / 2 for line in words):
-            raise InputError(
-                f"{path} has {plural(width // 2, 'name')} and {width} numbers in a row",
-                why="where numbers have decimal commas, other commas do not separate them",
-                todo="write points, or semicolons between the cells",
-            )
-        if words and len(dialect.cells(words[-1])) > 1:
-            count = len(dialect.cells(words[-1]))
-            remarks += (f"{words[-1].strip()[:200]!r} has {count} cells and the rows {width}: it names no column",)
-        return _Header(_plain(width), {}, first, remarks)
+        return _Header(_plain(width), {}, first, remarks + _remarks_on_no_names(path, words, width, dialect))
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
-    units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
-    units |= {name: match[1] for name in names if (match := SLASHED_UNIT.fullmatch(name)) and match[1] in UNITS}
-    if names[0] == "TIME" and {name.partition(".")[0] for name in names} <= DEVICELOG.keys():
-        units["TIME"] = "s"
-    # A second line of words under the names holds the units.
-    if len(above) > 1:
-        second = [cell.strip(" []()") for cell in above[1]]
-        units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         why = "a mapping could not name one of them"
         raise InputError(f"{path} has two columns named '{twice[0]}'", why=why, todo="rename one of them")
-    return _Header(names, units, first, remarks)
+    return _Header(names, _units(names, above[1:]), first, remarks)
+
+
+def _remarks_on_no_names(path: Path, words: list[str], width: int, dialect: _Dialect) -> tuple[str, ...]:
+    """Return what to say of lines of `words` above rows of `width` cells, of which none names the columns."""
+    counts = [len(dialect.cells(line)) for line in words]
+    if dialect.separator == "," and any(1 < count == width / 2 for count in counts):
+        raise InputError(
+            f"{path} has {plural(width // 2, 'name')} and {width} numbers in a row",
+            why="where numbers have decimal commas, other commas do not separate them",
+            todo="write points, or semicolons between the cells",
+        )
+    if not words or counts[-1] < 2:
+        return ()
+    return (f"{words[-1].strip()[:200]!r} has {counts[-1]} cells and the rows {width}: it names no column",)
+
+
+def _units(names: list[str], below: list[list[str]]) -> dict[str, str]:
+    """Return the units that stand in names of columns, or under them in the first line `below`, if there is one."""
+    units = {name: match[2].strip() for name in names if (match := BRACKETED_UNIT.fullmatch(name)) and match[2].strip()}
+    units |= {name: match[1] for name in names if (match := SLASHED_UNIT.fullmatch(name)) and match[1] in UNITS}
+    if names[0] == "TIME" and {name.partition(".")[0] for name in names} <= DEVICELOG.keys():
+        units["TIME"] = "s"
+    for line in below[:1]:
+        units |= {name: unit for name, cell in zip(names, line, strict=True) if (unit := cell.strip(" []()"))}
+    return units
 
 
 def _names(line: str, row: list[str], dialect: _Dialect) -> list[str]:
