@@ -125,7 +125,7 @@ def plot_document(
     except (KeyError, TypeError, IndexError, ValueError) as error:
         raise InputError(
             f"{path} cannot be drawn",
-            why=f"it is no document of `hapticeval study limits`, or damaged: {describe_error(error)}",
+            why=f"it is not a document of `hapticeval study limits`, or damaged: {describe_error(error)}",
             todo=f"give {RESULTS_FILE}, {BENCH_FILE} or limits-*.json",
         ) from error
 
@@ -509,7 +509,7 @@ def _factory_of(renderer: Any) -> str | RendererFactory:
     if callable(renderer):
         return cast("RendererFactory", renderer)
     raise InputError(
-        f"{renderer!r} is no renderer",
+        f"{renderer!r} is not a renderer",
         why="it is a name, a class or a factory that takes a scene, or has reset(hip) and step(hip, velocity, dt)",
         todo="see docs/write-a-renderer.md",
     )
@@ -524,7 +524,7 @@ def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
         except Exception as error:
             raise InputError(
                 f"'{name}' cannot run in a process of its own",
-                why=f"it is no name, and cannot be pickled: {error}",
+                why=f"it is not a name, and cannot be pickled: {error}",
                 todo="leave workers out, or name it package.module:factory",
             ) from error
 

@@ -50,7 +50,7 @@ def read_text(file: Path, *, largest: int) -> str:
     """
     try:
         if file.exists() and not file.is_file():
-            raise InputError(f"{file} is no file", why="a pipe, a device or a folder is not read as a document")
+            raise InputError(f"{file} is not a file", why="a pipe, a device or a folder is not read as a document")
         if file.stat().st_size > largest:
             size = f"it has {file.stat().st_size:,} bytes, and {largest:,} are the most"
             raise InputError(
@@ -100,7 +100,7 @@ def _unusable(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > LARGEST_BITS:
         return f"holds a whole number of {len(str(abs(value)))} digits, which no float can hold"
     if isinstance(value, str) and any("\ud800" <= character <= "\udfff" for character in value):
-        return "holds half of a character (a lone surrogate), which is no text"
+        return "holds half of a character (a lone surrogate), which is not text"
     return ""
 
 

@@ -242,7 +242,7 @@ def parse_json(path: Path, *, todo: str) -> Any:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"it holds {name}, which is no JSON number")
+    raise ValueError(f"it holds {name}, which is not a JSON number")
 
 
 def file_below(folder: Path, name: str) -> Path:
@@ -263,5 +263,5 @@ def file_below(folder: Path, name: str) -> Path:
             todo="copy the file beside the suite",
         )
     if odd:
-        raise InputError(f"'{name}' is no file", why="a pipe, a device or a folder has no rows to read")
+        raise InputError(f"'{name}' is not a file", why="a pipe, a device or a folder has no rows to read")
     return file

@@ -44,7 +44,7 @@ def _parse_quantity(text: str, units: Mapping[str, float], option: str, example:
     elif number <= 0.0:
         why = "it must be positive"
     else:
-        why = f"'{unit}' is no such unit" if unit else "it has no unit"
+        why = f"'{unit}' is not a known unit" if unit else "it has no unit"
     todo = f"write a number and one of {', '.join(units)}: {option} {example}"
     raise InputError(f"{option} {text}", why=why, todo=todo)
 

@@ -82,7 +82,7 @@ class Declaration:
     def faults(self) -> list[str]:
         """What is wrong with its values, each named: empty where all are of the types and in the ranges asked for."""
         # Declarations come from foreign code: no type is trusted.
-        length = "is no number that is finite and not negative"
+        length = "must be a number that is finite and not negative"
         expected = {
             "spring": (self.spring in (None, *Spring), "is neither a Spring nor None"),
             "stiffness_range": (
@@ -305,7 +305,8 @@ def _wrap(renderer: object) -> WrappedRenderer:
     missing = [name for name in ("reset", "step") if not _has_method(renderer, name)]
     if missing and not _has_method(renderer, "simulate"):
         raise RendererError(
-            f"the factory made a {type(renderer).__name__}, which is no renderer: it has no {' and no '.join(missing)}",
+            f"the factory made a {type(renderer).__name__}, which is not a renderer: "
+            f"it has no {' and no '.join(missing)}",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see docs/write-a-renderer.md",
         )

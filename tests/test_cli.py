@@ -47,7 +47,7 @@ def test_an_unknown_word_suggests_names_and_words():
     ("word", "kind"), [("star-convex-corner", "cases"), ("dumbbell", "models"), ("parallelogram-2dof", "devices")]
 )
 def test_what_is_no_check_is_told_where_it_is_listed(word, kind):
-    with pytest.raises(InputError, match=f"'{word}' is no check") as refused:
+    with pytest.raises(InputError, match=f"'{word}' is not a check") as refused:
         explanation(word)
     assert refused.value.todo == f"see hapticeval list {kind}"
 

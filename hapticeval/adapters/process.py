@@ -311,7 +311,7 @@ def process(command: str) -> ProcessFactory:
     try:
         words = tuple(shlex.split(command))
     except ValueError as error:
-        raise InputError(f"'cmd:{command}' is no command", why=str(error)) from error
+        raise InputError(f"'cmd:{command}' is not a command", why=str(error)) from error
     if os.name != "posix":
         raise InputError("renderers in processes need pipes that can be waited for", why=f"this system is {os.name}")
     return ProcessFactory(words, _hello_of(words))

@@ -77,7 +77,7 @@ ModelName = Annotated[
 
 MappingFile = Annotated[
     Path | None,
-    option("--mapping", metavar="TOML", help="For a file that is no recording of ours: which column is what."),
+    option("--mapping", metavar="TOML", help="For a file that is not a recording of ours: which column is what."),
 ]
 MemoryLimit = Annotated[
     float, typer.Option("--memory-limit", metavar="GB", help="Refuse a file whose numbers would take more.", min=0.0)

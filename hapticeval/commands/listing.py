@@ -184,7 +184,7 @@ def explanation(word: str) -> str:
         for what, rows in (*((what, listed()) for what, listed in LISTINGS.items()), (cases.__name__, case_rows)):
             if word in (name for name, _ in rows):
                 raise InputError(
-                    f"'{word}' is no check", why=f"it is among the {what}", todo=f"see hapticeval list {what}"
+                    f"'{word}' is not a check", why=f"it is among the {what}", todo=f"see hapticeval list {what}"
                 )
         raise UnknownNameError(
             "check", word, {*CHECKS, *(text for page in pages.values() for text in page.also_called)}

@@ -111,7 +111,7 @@ def _labels(texts: list[str] | None) -> dict[str, str] | None:
     for text in texts or ():
         name, _, label = text.rpartition("=")  # a name may hold a sign of its own, as a process's arguments do
         if not name or not label:
-            raise InputError(f"--label {text}", why="it is no NAME=TEXT", todo="for instance 'constraint=god-object'")
+            raise InputError(f"--label {text}", why="it is not NAME=TEXT", todo="for instance 'constraint=god-object'")
         labels[name] = label
     return labels or None
 

@@ -492,7 +492,7 @@ def _open_driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
         ) from error
     if not isinstance(driver, HardwareDevice):
         raise InputError(
-            f"'{name}' made a {type(driver).__name__}, which is no hardware",
+            f"'{name}' made a {type(driver).__name__}, which is not hardware",
             why="a driver has read(), write(command) and close()",
             todo="see examples/my_card.py",
         )

@@ -37,7 +37,7 @@ def read_toolkit(file: Path, *, rate: float) -> Texture:
     except OSError as error:
         raise unreadable(str(file), error) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{file.name}: it is no text in UTF-8", why=str(error)) from error
+        raise InputError(f"{file.name}: it is not text in UTF-8", why=str(error)) from error
     with at(file.name):
         if "<!" in text.replace("<!--", ""):
             raise InputError(

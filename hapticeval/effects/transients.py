@@ -205,7 +205,7 @@ class RecordedImpulse(Effect):
         try:
             pulse = np.array(self.pulse, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError("the pulse of a recorded-impulse is no row of numbers", why=str(error)) from error
+            raise InputError("the pulse of a recorded-impulse is not a row of numbers", why=str(error)) from error
         if pulse.ndim != 1 or not pulse.any():
             raise InputError(
                 f"the pulse of a recorded-impulse has {'no samples' if pulse.size == 0 else 'no force in it'}",

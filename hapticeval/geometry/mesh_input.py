@@ -307,7 +307,7 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
         raise unreadable(f"the mesh file {file}", error) from error
     import trimesh
 
-    damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"
+    damaged = f"{file} is not of the format {file.suffix[1:].upper()}, or is damaged"
     if not content.strip():
         raise InputError(f"the mesh file {file} is empty", todo="export it again")
     content = _as_utf8(content) if file.suffix.lower() in TEXT_ENDINGS else content

@@ -87,7 +87,7 @@ def check_pose(rotation: ArrayLike, translation: ArrayLike, dimension: int) -> P
     try:
         pose = Pose(np.array(rotation, dtype=np.float64), np.array(translation, dtype=np.float64))
     except (TypeError, ValueError) as error:
-        raise InputError("a pose that is no matrix and vector of numbers", why=str(error)) from error
+        raise InputError("a pose that is not a matrix and a vector of numbers", why=str(error)) from error
     if pose.rotation.shape != (dimension, dimension) or pose.translation.shape != (dimension,):
         raise InputError(
             f"a pose has a rotation of shape {pose.rotation.shape} and a translation of {pose.translation.shape}",
@@ -103,7 +103,7 @@ def check_pose(rotation: ArrayLike, translation: ArrayLike, dimension: int) -> P
     determinant = float(np.linalg.det(pose.rotation))
     if skew > POSE_ROUNDING or abs(determinant - 1.0) > POSE_ROUNDING:
         raise InputError(
-            f"a pose has the matrix {pose.rotation.tolist()}, which is no rotation",
+            f"a pose has the matrix {pose.rotation.tolist()}, which is not a rotation",
             why=f"R Rᵀ is {skew:.2g} off the identity, and the determinant is {determinant:.9g}",
             todo="a rotation's columns are unit vectors, square to each other, and its determinant is 1, not -1",
         )

@@ -58,7 +58,7 @@ def first_bytes(path: Path) -> bytes:
     # Opening a pipe would wait for a writer that may never come.
     if path.exists() and not path.is_file():
         raise InputError(
-            f"{path} is no file",
+            f"{path} is not a file",
             why="a pipe or a device has no first bytes to look at, and no end",
             todo="copy it to a file",
         )

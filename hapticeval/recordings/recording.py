@@ -393,7 +393,7 @@ class Recording:
         if self.valid is not None:
             raise InputError(
                 "a recording with gaps has no velocity, since none was recorded",
-                why="a difference across a gap is no velocity",
+                why="a difference across a gap is not a velocity",
                 todo="take its sound stretches: part(rows) of each sound_rows()",
             )
         return backward_difference(self.hip, self.time)

@@ -70,7 +70,7 @@ class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def __post_init__(self) -> None:
         if self.metric is not None and math.isnan(self.metric):
-            raise ValueError(f"the metric of '{self.verdict}' is no number")
+            raise ValueError(f"the metric of '{self.verdict}' is not a number")
 
     @classmethod
     def of(cls, verdict: VerdictEntry) -> KnownVerdict:

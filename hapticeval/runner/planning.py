@@ -138,7 +138,7 @@ def as_tuple(values: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]
     listed = tuple(values) if isinstance(values, list | tuple | set | frozenset) else (values,)
     for value in listed:
         if not isinstance(value, kinds):
-            raise InputError(f"{what}: {value!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
+            raise InputError(f"{what}: {value!r}", why=f"it is not a {' or '.join(kind.__name__ for kind in kinds)}")
     return listed
 
 

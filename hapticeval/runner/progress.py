@@ -167,7 +167,7 @@ GIT_SECONDS = 5.0
 def commits(plan: Plan) -> dict[str, str]:
     """Return the commit of each renderer's repository, followed by "-dirty" where files differ from it.
 
-    Renderers whose source is no file that a repository tracks, as an installed package's, are left out.
+    Renderers whose source is not a file that a repository tracks, as an installed package's, are left out.
     """
     factories = {job.renderer: job.factory for job in plan.jobs}
     commit_by_renderer = {

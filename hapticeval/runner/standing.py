@@ -45,7 +45,7 @@ class Standing(StrEnum):
     PASS = "pass", "✓", "passed", "passes"
     NOT_JUDGED = (
         "not-judged", "○", "shown and not judged",
-        "shown only: what a case or a check of level info finds is no verdict on the renderer",
+        "shown only: what a case or a check of level info finds is not a verdict on the renderer",
     )  # fmt: skip
     NOT_APPLICABLE = (
         "not-applicable", "–", "not applicable",  # noqa: RUF001 - a dash as wide as the other signs

@@ -200,7 +200,7 @@ class Poses(BodyMotion, frozen=True, kw_only=True, tag="points", dict=True):
         lengths = {len(row) for row in self.poses}
         if len(lengths) != 1 or not lengths <= {7, 13}:
             raise ValueError(
-                f"rows of {' and '.join(map(str, sorted(lengths)))} numbers are no poses: they have 7, or 13 in space"
+                f"rows of {' and '.join(map(str, sorted(lengths)))} numbers are not poses: they have 7, or 13 in space"
             )
         times = [row[0] for row in self.poses]
         if not all(map(math.isfinite, times)) or any(late <= early for early, late in pairwise(times)):

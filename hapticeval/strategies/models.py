@@ -295,7 +295,7 @@ def scenes(
     for what, strategy in (("models", models), ("called", called)):
         if strategy is not None and not isinstance(strategy, st.SearchStrategy):
             raise InputError(
-                f"{what} = {strategy!r}", why="it is no strategy", todo="use hypothesis.strategies.just(...)"
+                f"{what} = {strategy!r}", why="it is not a strategy", todo="use hypothesis.strategies.just(...)"
             )
     return _scenes(plane_models() if models is None else models, bilateral, st.just(()) if called is None else called)
 

@@ -148,4 +148,4 @@ def _vertices_of(mesh: Mesh) -> list[Vertex]:
 def check_model(model: object) -> None:
     """Raise `InputError` for what is no model."""
     if not isinstance(model, Model):
-        raise InputError(f"{model!r} is no model", todo='make one: hapticeval.make_model("star")')
+        raise InputError(f"{model!r} is not a model", todo='make one: hapticeval.make_model("star")')

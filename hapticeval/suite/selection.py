@@ -141,7 +141,7 @@ class _Expression:
     def _syntax_error(self, why: str) -> InputError:
         called = self._checks_called()
         todo = f"did you mean {' or '.join(called)}?" if called else "write for instance -k 'star-* and not memoryless'"
-        return InputError(f"-k {self._text!r} is no expression", why=why, todo=todo)
+        return InputError(f"-k {self._text!r} is not an expression", why=why, todo=todo)
 
     def _checks_called(self, word: str = "") -> list[str]:
         """Return the checks that are called as the text, which may be words of the field, or else as a word of it."""

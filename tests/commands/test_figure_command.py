@@ -42,10 +42,10 @@ def test_a_figure_of_two_renderers_in_every_format_and_of_an_earlier_run(here, c
     ("arguments", "code", "what"),
     [
         (["slides.toml/flat", *TWO, "--width", "88"], 2, "it has no unit"),
-        (["slides.toml/flat", *TWO, "--height", "3ft"], 2, "'ft' is no such unit"),
+        (["slides.toml/flat", *TWO, "--height", "3ft"], 2, "'ft' is not a known unit"),
         (["slides.toml/flat", *TWO, "--width", "3mm"], 2, "30 to 1200 mm"),
         (["slides.toml/flat", *TWO, "-o", "fig.jpg"], 2, ".pdf, .svg, .png"),
-        (["slides.toml/flat", *TWO, "--label", "nearest"], 2, "it is no NAME=TEXT"),
+        (["slides.toml/flat", *TWO, "--label", "nearest"], 2, "it is not NAME=TEXT"),
         (["slides.toml/flat", *TWO, "--label", "local_mine:Goood=a"], 2, "did you mean local_mine:Good"),
         (["slides.toml/flta", *TWO], 2, "did you mean flat"),
         (["slides.toml/flat", *TWO, "--check", "continuous"], 2, "continuous-contact"),

@@ -261,7 +261,7 @@ def test_nothing_is_written_over(here, capsys, there):
         (["--device", "udp://nowhere", "--wiring", "wired.toml"], "udp://HOST:PORT"),
         (["--device", "mycard", "--wiring", "wired.toml"], "does not name a driver"),
         (["--device", "nocard:Driver", "--wiring", "wired.toml"], "driver 'nocard:Driver': cannot import"),
-        (["--device", "mycard:Wrong", "--wiring", "wired.toml"], "which is no hardware"),
+        (["--device", "mycard:Wrong", "--wiring", "wired.toml"], "which is not hardware"),
         (["--device", "mycard:Missing", "--wiring", "wired.toml"], "no card in slot 3"),
         (["--device", "mycard:Dead", "--wiring", "wired.toml"], "raised OSError: no power in cycle 1"),
         (["--model", "circle:size=2"], "does not lie in the functional workspace"),

@@ -97,7 +97,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
                 "fail: local_mine:Jumps on slides/flat/continuous-contact",
             ],
         ),
-        (["-r", "local_mine:nothing"], 3, ["which is no renderer: it has no reset and no step"]),
+        (["-r", "local_mine:nothing"], 3, ["which is not a renderer: it has no reset and no step"]),
         (["-r", "constraint", "-r", "ideal", "-k", "flat"], 0, ["2 runs"]),
     ],
 )

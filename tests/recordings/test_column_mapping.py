@@ -164,7 +164,7 @@ def test_a_row_without_a_time_is_no_step_back_and_leaves_no_gap():
 @pytest.mark.parametrize(
     ("row", "time", "what", "todo"),
     [
-        (5, math.nan, "is no number at row 5", "mark them"),
+        (5, math.nan, "is not a number at row 5", "mark them"),
         (5, 3.0, "does not increase at row 5: 0.008 s, then 0.003 s", "mark them"),
         (5, 0.0, "does not increase at row 5: 0.008 s, then 0 s", "make a file of each run"),
     ],

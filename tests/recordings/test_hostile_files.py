@@ -159,7 +159,7 @@ def test_a_pipe_and_a_device_are_refused_and_not_waited_for(tmp_path, capsys, co
     os.mkfifo(tmp_path / "a.csv")
     for name in ("a.csv", "/dev/zero"):
         assert main([command, name, *(["-o", "b.h5"] if command == "convert" else [])]) == 2
-        assert f"{name} is no file" in capsys.readouterr().err
+        assert f"{name} is not a file" in capsys.readouterr().err
 
 
 def test_a_table_of_more_columns_than_any_device_has_is_refused_at_once(refused, tmp_path):

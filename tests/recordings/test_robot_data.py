@@ -34,7 +34,7 @@ def test_pictures_beside_the_signals_are_left_out_before_they_take_memory(tmp_pa
         "time",
     ]
     assert table["jacobian[5]"].size == 120
-    assert table.remarks == ("'camera' is 120 x 2000 x 2000 x 3: pictures are no channels, and are left out",)
+    assert table.remarks == ("'camera' is 120 x 2000 x 2000 x 3: pictures are not channels, and are left out",)
 
 
 def demos(path):

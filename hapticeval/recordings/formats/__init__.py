@@ -124,7 +124,7 @@ class Table:
             raise InputError(
                 f"there are {len(self.columns)} columns",
                 why=f"at most {MOST_COLUMNS} are read: no device has as many signals",
-                todo="leave out what is no signal, or write signals as columns and samples as rows",
+                todo="leave out what is not a signal, or write signals as columns and samples as rows",
             )
         reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
         # The class is frozen: this is its own constructor.
@@ -201,7 +201,7 @@ def is_picture(shape: tuple[int, ...]) -> bool:
 
 def picture_remark(name: str, shape: tuple[int, ...]) -> str:
     """Return the remark on an array of pictures."""
-    return f"'{name}' is {' x '.join(map(str, shape))}: pictures are no channels, and are left out"
+    return f"'{name}' is {' x '.join(map(str, shape))}: pictures are not channels, and are left out"
 
 
 def samples_first(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:

@@ -227,7 +227,7 @@ def read_npz(path: Path) -> Table:
                 place = f"the array '{name}', from byte {entry.header_offset} on"
                 data = archive.read(entry)  # all of it, which has its checksum compared
                 if not data.startswith(np.lib.format.MAGIC_PREFIX):
-                    arrays.remarks.append(f"'{name}' is no array, and is left out")
+                    arrays.remarks.append(f"'{name}' is not an array, and is left out")
                     continue
                 try:
                     arrays.add(name, np.load(io.BytesIO(data), allow_pickle=False))

@@ -68,7 +68,7 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None, trial: 
     """Return the recording that a mapping makes of a file of somebody else's. Raises `InputError` without a mapping."""
     if mapping is None:
         raise InputError(
-            f"{path} is no recording of hapticeval's",
+            f"{path} is not a recording of hapticeval's",
             why="it does not state which column is what, in which unit and with which sign",
             todo=f"write a mapping: hapticeval inspect {path.name} --write-mapping mapping.toml; then give --mapping",
         )
@@ -205,7 +205,7 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
         todo = 'mark them as no measurement: [time] disorder = "mask"; or mend the file'
         anew = known[row] and stamps[row] <= stamps[0]
         raise InputError(
-            f"the time '{time.column}' {now if known[row] else f'is no number at row {row}'}",
+            f"the time '{time.column}' {now if known[row] else f'is not a number at row {row}'}",
             why=f"{plural(count, 'row')} out of order or without a time, and nothing is sorted or re-timed silently",
             todo="make a file of each run: the clock begins anew there" if anew else todo,
         )

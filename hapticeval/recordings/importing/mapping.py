@@ -274,7 +274,7 @@ def _axes(spec: Channel, signal: Signal) -> Array | None:
     left, lengths, right = np.linalg.svd(rows, full_matrices=False)
     if not np.allclose(lengths, 1.0, rtol=0.0, atol=AXES_ROUNDING):
         raise InputError(
-            f"axes = {rows.tolist()} are no axes",
+            f"axes = {rows.tolist()} are not axes",
             why="they are unit vectors at right angles to each other",
             todo="give cosines and sines to three digits or more; a factor is for scale",
         )
@@ -308,7 +308,7 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
         meaning, frame = meaning or WIRED_CHANNELS[channel], spec.frame or "joint"
     if becomes is None or meaning is None:
         raise InputError(
-            f"'{channel}' is no channel that hapticeval knows",
+            f"'{channel}' is not a channel that hapticeval knows",
             why=f"it knows: {', '.join(CHANNELS)}",
             todo='use one of these, or describe it: becomes = "N", meaning = "force of the wall on the tool"',
         )

@@ -55,12 +55,12 @@ class Unit:
         return Unit(f"{self.text} {other.text}^{power}", factor, powers)
 
     def to(self, si_unit: str) -> float:
-        """Return the factor to the SI unit `wanted`. Raises `InputError` where the dimensions differ."""
+        """Return the factor to `si_unit`. Raises `InputError` where the dimensions differ."""
         # Equal powers of every base unit: then the two differ by a factor alone.
         target = parse_unit(si_unit)
         if self.dimension != target.dimension:
             raise InputError(
-                f"'{self.text}' is no {si_unit}",
+                f"'{self.text}' is not a multiple of {si_unit}",
                 why="the dimensions differ, an angle being one of its own",
                 todo='give the factor between them with its unit, as in scale = "0.075 m/rad" or divide = "0.075 m"',
             )
@@ -114,7 +114,7 @@ def parse_quantity(value: float | str) -> Unit:
         factor = math.nan
     if not math.isfinite(factor) or factor == 0.0:
         raise InputError(
-            f"'{value}' is no quantity",
+            f"'{value}' is not a quantity",
             why="it is a number, finite and not zero, and a unit",
             todo='write it as "0.075 m"',
         )

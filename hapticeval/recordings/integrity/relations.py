@@ -153,7 +153,7 @@ def _longest_stretch(recording: Recording) -> slice:
 def _misfit(fit: Fit, place: str) -> str:
     """Describe what is wrong with a velocity: no derivative, a factor, or a lag; empty where nothing is."""
     if fit.correlation < LEAST_CORRELATION:
-        return f"it is no derivative of '{place}': correlation {fit.correlation:.2f} at best"
+        return f"it is not the derivative of '{place}': correlation {fit.correlation:.2f} at best"
     if abs(fit.ratio - 1.0) > RATIO_TOLERANCE:
         return f"it is {fit.ratio:.4g} times the derivative of '{place}': sign or unit?"
     if abs(fit.lag) > LAGS_TRIED // 2:
