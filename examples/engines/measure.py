@@ -150,7 +150,7 @@ What is known of MuJoCo as a renderer, and where it shows here:
 FAILURES_WORDS = """\
 ## What fails, and why
 
-Of a check's failures the worst is shown, with its cause. The smallest path is the first case of few points and
+The table shows the worst of a check's failures, with its cause. The smallest path is the first case of few points and
 triangles that fails, shrunk as `hapticeval search` does; `make engines-smallest` writes it. What was tried names how
 many of the failing verdicts pass by it."""
 
