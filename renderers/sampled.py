@@ -105,7 +105,8 @@ def samples_of(scene: Scene, count: int) -> Array:
 def _misses(row: Array, x: float, y: float) -> float:
     """Return (p - y)·y' at a sample: positive where the distance of (x, y) from the curve falls onwards."""
     sample = as_record(row, BOUNDARY_SAMPLE)
-    return (x - sample.place[0]) * sample.tangent[0] + (y - sample.place[1]) * sample.tangent[1]
+    ex, ey = x - sample.place[0], y - sample.place[1]
+    return float(ex * sample.tangent[0] + ey * sample.tangent[1])
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import threading
@@ -245,8 +246,10 @@ def test_a_count_that_cannot_be_is_dropped(tmp_path, count):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_what_asks_the_program_to_end_stops_the_motors_first(tmp_path, number):
-    before = signal.getsignal(number)
+def test_what_asks_the_program_to_end_stops_the_motors_first(tmp_path, number, request):
+    # `nohup` has a program ignore SIGHUP, and who started it so wants that.
+    request.addfinalizer(functools.partial(signal.signal, number, signal.getsignal(number)))
+    signal.signal(number, before := signal.default_int_handler)
     driver = Driver(lambda reading: os.kill(os.getpid(), number) or reading)
     done, _ = live(tmp_path, driver)
     assert done.ended == "interrupted by the user"
