@@ -600,8 +600,12 @@ class Court:
     def killers(self, mutant: Mutant) -> list[str]:
         """Return all of the tests that may go that kill a mutant."""
         tests = sorted(test for test in self.reach.tests_of(mutant) if test.startswith(self.without))
-        failing = (test for test in tests if self.failed([test], mutant) is not None)
-        return [test for test in failing if self.failed([test], None) is None]
+        killers = []
+        while (failed := self.failed(tests, mutant) if tests else None) is not None:
+            if self.failed([tests[failed]], None) is None:
+                killers.append(tests[failed])
+            tests = tests[failed + 1 :]
+        return killers
 
     def failed(self, tests: Sequence[str], mutant: Mutant | None) -> int | None:
         """Return which of the tests fails first, and None where none does."""
