@@ -475,7 +475,7 @@ class Results:
 
 
 def _name_renderers(renderers: Any) -> dict[str, str | RendererFactory]:
-    """Return a name for each renderer, and the factory behind those that are no names themselves."""
+    """Return a name for each renderer, and the factory behind those that are not names themselves."""
     if isinstance(renderers, Mapping):
         # A mapping's key is the name in verdicts; a string value is resolved, unless it is called as it is written.
         factories = {str(name): _factory_of(renderer) for name, renderer in renderers.items()}

@@ -45,7 +45,7 @@ MODIFIERS = "hapticeval.modifiers"
 """The group of what makes of a renderer's factory that of the same renderer changed."""
 
 ADAPTERS = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
-"""Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
+"""Names of renderers that are not Python: what stands before the colon, to what makes a factory of the rest."""
 LIBRARY_ENDINGS = (".so", ".dll", ".dylib")
 """How the files of shared libraries end."""
 
@@ -64,7 +64,7 @@ class Name:
 def parse(name: str) -> Name:
     """Split `BASE[+SCHEME][@REPRESENTATION]` into its parts. Raises `InputError` for a part that is empty.
 
-    What is no Python has no variants: a path and a command are taken as they are.
+    What is not Python has no variants: a path and a command are taken as they are.
     """
     # `lib:` and `cmd:` first: what follows may hold a plus or an at sign of its own.
     kind, colon, address = name.partition(":")
@@ -173,7 +173,7 @@ def resolve_installed(name: str, *, source: str) -> RendererFactory:
 
 def load(base: str, *, kind: str = "renderer") -> Any:
     """Return what is called to make what `base` names: `package.module:factory`, or an entry point of renderers, or
-    what is no Python, see `ADAPTERS`.
+    what is not Python, see `ADAPTERS`.
 
     `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
     """

@@ -45,8 +45,8 @@ UNUSABLE = re.compile(r"[0-9]{308}|\\[uU][0-9a-fA-F]*?[dD][89a-fA-F][0-9a-fA-F]{
 def read_text(file: Path, *, largest: int) -> str:
     """Return the text of a file in UTF-8 of at most so many bytes.
 
-    Raises `InputError` for what is no file, as a pipe or a device that never ends, for a larger one, and for one that
-    cannot be read; `UnicodeDecodeError` for another encoding.
+    Raises `InputError` for what is not a file, as a pipe or a device that never ends, for a larger one, and for one
+    that cannot be read; `UnicodeDecodeError` for another encoding.
     """
     try:
         if file.exists() and not file.is_file():
@@ -105,7 +105,7 @@ def _unusable(value: Any) -> str:
 
 
 def read_toml(file: Path) -> Mapping[str, Any]:
-    """Read a TOML file. Raises `InputError`, naming it, for one that cannot be read, is no TOML, or nested too deep."""
+    """Read a TOML file. Raises `InputError`, naming it, for one that is unreadable, not TOML, or nested too deep."""
     try:
         text = read_text(file, largest=LARGEST_TOML)
         if DEEP_KEY.search(text):

@@ -88,7 +88,7 @@ class RefusalError(InputError):
 
     `position` (m) is where on the model the reason was seen, where there is such a place.
 
-    A refusal is no fault: the verdicts of that renderer and case are not applicable, and say why.
+    A refusal is not a fault: the verdicts of that renderer and case are not applicable, and say why.
     """
 
     position: tuple[float, ...] | None = None

@@ -206,7 +206,7 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
     if not path.exists():
         raise InputError(f"'{folder}' holds no {path.name}", why=f"`hapticeval {command}` writes it", todo=todo)
     document = parse_json(path, todo=again)
-    # What is no table is left to `convert`, whose message is better.
+    # What is not a table is left to `convert`, whose message is better.
     file_version = document.get("format_version") if isinstance(document, dict) else version
     if file_version != version:
         # An older format was never released: such a file is damaged or edited.
@@ -227,7 +227,7 @@ def parse_json(path: Path, *, todo: str) -> Any:
 
     try:
         text = read_text(path, largest=LARGEST_JSON)
-        # Python reads NaN and Infinity, which are no JSON: refused.
+        # Python reads NaN and Infinity, which are not JSON: refused.
         document = json.loads(text, parse_constant=_refuse_constant)
     except MemoryError as error:
         raise too_large_for_memory(str(path)) from error

@@ -74,7 +74,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", MARKER)
     chosen_ids = [argument for argument in config.args if argument.partition("::")[0] == ITEM_ROOT]
     if config.getoption("hapticeval"):
-        # An id of ours is no path: pytest would look for a file of that name.
+        # An id of ours is not a path: pytest would look for a file of that name.
         config.args[:] = [argument for argument in config.args if argument not in chosen_ids]
     elif any("::" in node_id for node_id in chosen_ids):
         raise pytest.UsageError(f"{chosen_ids[0]} needs --hapticeval RENDERER")

@@ -23,7 +23,7 @@ def badge_label(results: ResultsDocument) -> str:
 
 def badge_words(results: ResultsDocument) -> tuple[str, str]:
     """Return the badge's text and colour: red where the gate stops, yellow where known failures do not stop it."""
-    # Information and checks that do not apply are no part of the share.
+    # Information and checks that do not apply are not a part of the share.
     standings = Counter(verdict.standing for verdict in results.verdicts if verdict.standing.judged)
     judged, passed = standings.total(), standings[Standing.PASS]
     excused = [standing for standing in Standing if standing.excused and standings[standing]]

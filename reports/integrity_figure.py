@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 LEFT_OUT_COLOUR = "#9a9a9a"
-"""Of rows that are no measurement, or not to be trusted."""
+"""Of rows that are not a measurement, or not to be trusted."""
 
 LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Of a channel's columns, in turns."""

@@ -167,7 +167,7 @@ class ReportView:
 
     @cached_property
     def recorded_renderers(self) -> set[str]:
-        """The names under which recorded runs are judged, which are no renderers."""
+        """The names under which recorded runs are judged, which are not renderers."""
         return {run.renderer for run in self.results.runs if run.is_recorded}
 
     @property

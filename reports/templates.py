@@ -74,7 +74,7 @@ GLOSSARY: Mapping[str, str] = MappingProxyType(
 WHOLE = re.compile(
     r"(<(?P<element>script|style|svg|title|select|button|abbr|dfn|code)\b.*?</(?P=element)>|<[^>]*>)", re.DOTALL
 )
-"""What is no running text in a page: tags, and elements in which no word is explained."""
+"""What is not running text in a page: tags, and elements in which no word is explained."""
 
 GLOSSARY_WORD = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, GLOSSARY))})(?![\w-])")
 

@@ -203,7 +203,7 @@ def jump_rows(recording: Recording) -> IntArray:
     longer_neighbour = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
     # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
     shorter_neighbour = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
-    # m: steps as short as rounding errors are no jumps.
+    # m: steps as short as rounding errors are not jumps.
     floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
     jumping = np.flatnonzero(
         (step > JUMP_RATIO * np.maximum(hip, shorter_neighbour)) & (step > floor) & (step >= 0.5 * longer_neighbour)

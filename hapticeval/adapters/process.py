@@ -49,7 +49,7 @@ GRACE = 1.0
 """Seconds that a child has to end after bye."""
 
 ANSWER_BYTES = 1 << 20
-"""Bytes that an answer may have: what prints without end is no answer."""
+"""Bytes that an answer may have: what prints without end is not an answer."""
 
 EXCERPT_LENGTH = 300
 """Characters of an odd answer that an error shows."""
@@ -116,7 +116,7 @@ class Child:
     def ask(self, call: str, patience: float, **entries: Any) -> dict[str, Any]:
         """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
 
-        Lines before the answer to hello that are no JSON are left out: programs greet.
+        Lines before the answer to hello that are not JSON are left out: programs greet.
         """
         if self._failure is not None:
             raise self._failure
@@ -135,7 +135,7 @@ class Child:
                 answer = None
             if isinstance(answer, dict) and answer.get("id") == self._id:
                 break
-            # Before its first answer a program may greet; what is JSON with another id is no greeting.
+            # Before its first answer a program may greet; what is JSON with another id is not a greeting.
             if call != "hello" or isinstance(answer, dict):
                 excerpt = line[:EXCERPT_LENGTH].decode(errors="replace")
                 self.fail(
@@ -347,7 +347,7 @@ def _say_hello(child: Child) -> Hello:
 
 
 def _read_lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, float]:
-    """Return lengths (m) of an answer by name, 0 where it has none. Raises `RendererError` for what is no length."""
+    """Return lengths (m) of an answer by name, 0 where it has none. Raises `RendererError` for what is not a length."""
     lengths = {name: answer.get(name, 0.0) for name in names}
     for name, value in lengths.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):

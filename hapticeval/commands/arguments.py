@@ -188,8 +188,8 @@ def model_named(text: str) -> Model:
 
     The values are numbers; those of `mesh:file=part.stl,unit=mm` are text.
 
-    Raises `UnknownNameError` for an unknown kind that is no file either, `InputError` for values that are no numbers,
-    and as the catalogue does.
+    Raises `UnknownNameError` for an unknown kind that is not a file either, `InputError` for values that are not
+    numbers, and as the catalogue does.
     """
     from hapticeval.geometry.catalogue import KINDS_FROM_USER, MODELS, from_geojson, from_wkt, make_model
     from hapticeval.geometry.mesh_input import FILE_ENDINGS

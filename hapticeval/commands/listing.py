@@ -165,7 +165,7 @@ def explanation(word: str) -> str:
 
     Where several checks have that word in their ids or are called so, or their pages use it, it lists those. A number
     of the thesis, as 6.22, table-6.3 or (4.12), is explained by what shows it. Raises `UnknownNameError` for a word of
-    none, and `InputError` for what is no check, but a renderer, a case or the like.
+    none, and `InputError` for what is not a check, but a renderer, a case or the like.
     """
     from hapticeval.phenomena.registry import CHECKS, checks_called, has_word, read_pages
     from hapticeval.study.thesis.printed import PLACE

@@ -167,7 +167,7 @@ def _searched_checks(checks: list[str] | None) -> tuple[str, ...]:
                 why="it asks for an effect, and no scene that is drawn calls for one",
                 todo="judge it in a suite: hapticeval run effects",
             )
-    # What is only shown is no fault, and no counterexample unless it is asked for: a god-object may have a memory.
+    # What is only shown is not a fault, and no counterexample unless it is asked for: a god-object may have a memory.
     return tuple(checks or (name for name in judgeable() if CHECKS[name].level is not Level.INFO))
 
 

@@ -111,7 +111,7 @@ def paint(text: str, colour: str | None) -> str:
 
 
 def terminal_width() -> int:
-    """Return how many columns stdout has; 0, for any number, where it is no terminal."""
+    """Return how many columns stdout has; 0, for any number, where it is not a terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
 
 

@@ -22,7 +22,7 @@ MOST_CORNERS = 20
 """Corners at most beside which a gain is sought; *chosen*."""
 
 STILL = 1e-9
-"""m a tick, or change of a unit normal: less is no motion."""
+"""m a tick, or change of a unit normal: less is not motion."""
 
 
 def unit_rows(vectors: Array) -> Array:

@@ -262,7 +262,7 @@ def _choose(
 
 
 def _contains(kind: str, best: str) -> bool:
-    """Return whether the causes of a kind have the `best` one as a special case: then it is no rival."""
+    """Return whether the causes of a kind have the `best` one as a special case: then it is not a rival."""
     if best in ("unit", "sign", "gain"):
         wider = {"gain", "gain per axis", "crosstalk", "power of the depth"}
         return kind in wider or kind.startswith(("gain ", "gain +")) or (best == "sign" and kind == "rotation")

@@ -123,7 +123,7 @@ class Relief(Effect):
         pressed = (surface.distance < highest) | scene.bilateral
         foot_step = np.diff(surface.foot, axis=0)
         # Between two samples the foot moves by at most the hand's step over 1 - kappa d, or it jumped to another branch
-        # of the surface: that is no motion along the waves.
+        # of the surface: that is not motion along the waves.
         curvature = np.abs(np.linalg.eigvalsh(surface.shape)).max(axis=1)
         stretch = np.maximum(1.0 - curvature * np.abs(surface.distance), ALIKE)
         foot_length, hand_length = np.linalg.norm(foot_step, axis=1), np.linalg.norm(np.diff(hips, axis=0), axis=1)
@@ -243,9 +243,9 @@ class BumpMap(Relief):
 
     That is (4.16) with A = -grad h and the normal renormalised, on the answer of any renderer.
 
-    The depth does not change, so that the force is no gradient: round a loop between depths d1 and d2, a quarter of a
-    wave long, it gives or takes K (d2 - d1) (wavelength / 2 pi) atan a - K (d2^2 - d1^2) (1 - cos atan a) / 2 with a =
-    2 pi amplitude / wavelength.
+    The depth does not change, so that the force is not a gradient: round a loop between depths d1 and d2, a quarter of
+    a wave long, it gives or takes K (d2 - d1) (wavelength / 2 pi) atan a - K (d2^2 - d1^2) (1 - cos atan a) / 2 with a
+    = 2 pi amplitude / wavelength.
     """
 
     kind: ClassVar[str] = "bump-map"

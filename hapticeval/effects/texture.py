@@ -210,7 +210,7 @@ def named(name: str) -> Texture:
 
 
 def read_texture(file: Path) -> Texture:
-    """Read a texture from a TOML file. Raises `InputError`, naming it, for what is no texture."""
+    """Read a texture from a TOML file. Raises `InputError`, naming it, for what is not a texture."""
     return convert(read_toml(file), Texture, file.name, todo="see docs/effects.md")
 
 

@@ -25,8 +25,8 @@ MOST_FILE_BYTES = 4 * 2**20
 def read_toolkit(file: Path, *, rate: float) -> Texture:
     """Read a model file whose frequencies are for samples at `rate` (Hz): 10,000 as measured, or as it was resampled.
 
-    Speeds become m/s. Raises `InputError`, naming file and entry, for what cannot be read, is no model file, or is no
-    sound texture.
+    Speeds become m/s. Raises `InputError`, naming file and entry, for what cannot be read, is not a model file, or is
+    no sound texture.
     """
     try:
         if file.stat().st_size > MOST_FILE_BYTES:

@@ -82,7 +82,7 @@ def turn_about(axis: Array, angle: ArrayLike) -> Array:
 def check_pose(rotation: ArrayLike, translation: ArrayLike, dimension: int) -> Pose:
     """Return one pose as arrays.
 
-    Raises `InputError` for another dimension, numbers that are not finite, and a matrix that is no rotation.
+    Raises `InputError` for another dimension, numbers that are not finite, and a matrix that is not a rotation.
     """
     try:
         pose = Pose(np.array(rotation, dtype=np.float64), np.array(translation, dtype=np.float64))

@@ -138,7 +138,7 @@ class Guarded:
             ahead = 1 if self._last is None else reading.sequence - self._last
             if 0 < ahead <= self._most_ahead:
                 break
-            # The timer is not wound up again: nothing but such readings is no reading.
+            # The timer is not wound up again: nothing but such readings is not a reading.
             self._dropped[LATE_READING if ahead <= 0 else f"counted more than {self._most_ahead} cycles ahead"] += 1
         self._last = reading.sequence
         # The timer goes on: until the next read or write a late cycle is the renderer's.

@@ -127,7 +127,7 @@ class UdpDevice:
             self._socket.close()
 
     def _received(self) -> tuple[int, int, Array] | None:
-        """Return count, stamp (ns) and raw positions (N,) of the next packet; None of one that is no reading.
+        """Return count, stamp (ns) and raw positions (N,) of the next packet; None of one that is not a reading.
 
         Raises `HapticevalError` for the robot's last word.
         """

@@ -175,7 +175,7 @@ def _find_ihip_lag(recording: Recording, scene: Scene, contact: BoolArray) -> fl
         """Return the mean displacement (m) from IHIPs (k, N) to the HIPs `lag` ticks before the rows `since` (k,)."""
         errors = ihip - delayed(recording.hip, since, lag)
         distances = lengths_of(errors)
-        # In contact only what leans out of the normal cone counts: the depth is no misfit.
+        # In contact only what leans out of the normal cone counts: the depth is not a misfit.
         angles = angle_outside(errors[inside])
         if scene.bilateral:
             angles = np.minimum(angles, angle_outside(-errors[inside]))
@@ -219,7 +219,7 @@ def _find_force_lag(recording: Recording, pressed: BoolArray, exact: float) -> t
 def likely_force_lags(recording: Recording, pressed: BoolArray) -> list[tuple[float, float]]:
     """Return the lags (ticks) behind HIP and IHIP that explain half of what is off a spring, of each of `KINDS_OF_LAG`.
 
-    For a law that is no spring in every tick: whether it is kept with one of these lags has to be asked then. Half is
+    For a law that is not a spring in every tick: whether it keeps one of these lags has to be asked then. Half is
     `LIKELY_SHARE`.
     """
     rows = _rows_with_force(pressed)

@@ -149,7 +149,7 @@ def recover(path: Path) -> Recording:
     """Return what is whole of a journal, however it ended; its events of kind `lost` report what is missing.
 
     Rows with a number that is not finite, or a stamp that does not increase, are kept and not valid. Raises
-    `InputError` for a file that is no journal, one whose header is lost, and one without a whole row.
+    `InputError` for a file that is not a journal, one whose header is lost, and one without a whole row.
     """
     path = Path(path)
     known = first_bytes(path).startswith(MAGIC)

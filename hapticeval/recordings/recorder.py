@@ -443,7 +443,7 @@ class Recorder:
             return self._summary
         counters, code = self._counters, self._process.poll()
         failure = ""
-        # An error of the disk that was overcome later lost nothing, and is no failure.
+        # An error of the disk that was overcome later lost nothing, and is not a failure.
         rows_missing = counters.head > counters.tail or counters.overrun or counters.event_overrun
         if counters.error and rows_missing:
             failure = f"the journal could not be written: {os.strerror(counters.error)}"

@@ -15,7 +15,7 @@ from hapticeval.recordings.channels import Signal, check_metadata, declared
 from hapticeval.types import Array, BoolArray, IntArray
 
 OWN_TOOL = "own_tool"
-"""The entry of the metadata of what a renderer's own tool did in forces: its position is no answer of a controller."""
+"""The entry of the metadata of what a renderer's own tool did in forces: its position answers no controller."""
 
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
@@ -225,7 +225,7 @@ class Recording:
       has to be there: hardware may know no IHIP or no force. Checks read those in `REQUIRED`; see `require`.
     - `signals`: what any other channel is; it may also state the sign convention of a known one.
     - `clock`: the stamps of a real run, of which `time` is made: see `Recording.clocked`.
-    - `valid`: (n,), False where a row is no measurement: its numbers are kept as they came, NaN too, and are never
+    - `valid`: (n,), False where a row is not a measurement: its numbers are kept as they came, NaN too, and are never
       judged; None where every row is sound.
     - `events`: in no particular order.
     - `meta`: what the channels do not state: see `METADATA`.
@@ -474,7 +474,7 @@ def columns_of(recording: Recording) -> dict[str, Column]:
 
 
 def _mask(flags: Any, count: int) -> BoolArray | None:
-    """Return which rows are valid, (n,), None where all are. Raises `InputError` for what is no mask of them."""
+    """Return which rows are valid, (n,), None where all are. Raises `InputError` for what is not a mask of them."""
     if flags is None:
         return None
     mask = np.asarray(flags)

@@ -81,7 +81,7 @@ def in_world(recording: Recording) -> Recording:
 def in_body(recording: Recording) -> Recording:
     """Return a recording of the world's frame, with the poses of the body, in the frame of the body.
 
-    Raises `InputError`, naming the row, for a pose that is no rotation.
+    Raises `InputError`, naming the row, for a pose that is not a rotation.
     """
     poses = poses_of(recording.channels)
     if poses is not None:

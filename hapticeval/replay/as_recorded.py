@@ -225,7 +225,7 @@ def _last_place(values: Array) -> float:
     scale = max(1.0, float(np.max(np.abs(values))))
     for decimals in DECIMAL_PLACES:
         place = 10.0**-decimals
-        # Whole numbers of the last place, but for the rounding of the division; whole values are no sign of a text.
+        # Whole numbers of the last place, but for the rounding of the division; whole values are not a sign of a text.
         if np.max(np.abs(values / place - np.round(values / place))) <= 8.0 * np.finfo(float).eps * scale / place:
             return 0.0 if np.all(values == np.round(values)) else place
     return 0.0

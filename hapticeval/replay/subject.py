@@ -140,7 +140,7 @@ def _entry(text: str) -> tuple[str, Any]:
     if key not in KEY_VALUE_DEFAULTS:
         raise UnknownNameError("entry of a scene", key, KEY_VALUE_DEFAULTS)
     default = KEY_VALUE_DEFAULTS[key]
-    # bool before float: "true" is no number, and 1 no truth value.
+    # bool before float: "true" is not a number, and 1 no truth value.
     if isinstance(default, bool):
         if value.lower() in ("true", "false"):
             return key, value.lower() == "true"

@@ -72,7 +72,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def _check(directory: Path) -> None:
-    """Raise `InputError` for what is no folder, and for a folder with files that are none of ours."""
+    """Raise `InputError` for what is not a folder, and for a folder with files that are none of ours."""
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
     contents = {path.name for path in directory.iterdir()} - {LOCK} if directory.is_dir() else set()

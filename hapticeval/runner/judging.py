@@ -112,7 +112,7 @@ def judge_recorded(
             ended = recorded.recording.meta.get("ended")
     except RefusalError as raised:
         refusal = raised
-        # A refusal is no failure: there is nothing to judge.
+        # A refusal is not a failure: there is nothing to judge.
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
     except RunawayError as raised:
         ended = _end_by(raised)

@@ -192,7 +192,7 @@ class Known:
     def unplanned(self, renderers: Collection[str], suites: Collection[str]) -> tuple[str, ...]:
         """Return a sentence for each renderer and suite on the list that does not run here, with what may be meant.
 
-        That is no error, since a list may hold more than runs now. A name that is installed is not misspelt, and is
+        That is not an error, since a list may hold more than runs now. A name that is installed is not misspelt, and is
         left out.
         """
         listed = (
@@ -312,7 +312,7 @@ def read_known(file: Path) -> Known:
     """Read a list of known failures.
 
     Raises `InputError`, naming the entry, for a file that cannot be read or does not fit `KnownFile`, an empty reason,
-    what is no `suite/case/check`, and one that is listed twice.
+    what is not a `suite/case/check`, and one that is listed twice.
     """
     if not file.exists():
         raise InputError(f"no list of known failures {file}", todo=f"make it of what fails now: --write-known {file}")

@@ -538,7 +538,7 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
 
     @property
     def all_refused(self) -> bool:
-        """Return whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
+        """Return whether every renderer refused every case: nothing was judged. A recorded run is not a renderer."""
         runs = [run for run in self.runs if not run.is_recorded]
         return bool(runs) and all(run.refusal for run in runs)
 

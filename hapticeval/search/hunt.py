@@ -253,8 +253,8 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
     before that, and on to a point between it and the next sample. There it rests until a proxy that lags has come.
     Bisection of that point closes in on the jump.
 
-    None where the renderer answers a path as a whole, where the case is no path, and where less than half of the jump
-    is left: then the IHIP moves fast there, and does not jump.
+    None where the renderer answers a path as a whole, where the case is not a path, and where less than half of the
+    jump is left: then the IHIP moves fast there, and does not jump.
     """
     scene = case.build_scene()
     renderer_instance = make_renderer(factory_of(renderer), scene)

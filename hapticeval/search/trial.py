@@ -137,7 +137,7 @@ class Bench:
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
         # Checks have the model turned, scaled and halved too, and the renderer may prepare each of these anew: twice as
-        # long as ever before is no hang.
+        # long as ever before is not a hang.
         model = repr(case.model)
         limit = max(SILENCE if model in self._answered_models else FIRST_SILENCE, 2.0 * self._longest_silence)
         if self._workers is None:

@@ -52,7 +52,7 @@ class BodyMotion(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, 
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Times (s) at which the body is somewhere else at once: a jump is no contact."""
+        """Times (s) at which the body is somewhere else at once: a jump is not a contact."""
         return ()
 
     @property

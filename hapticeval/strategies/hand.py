@@ -344,7 +344,7 @@ def laps(model: Model, *, past: bool = False) -> st.SearchStrategy[Moves]:
     With `past` the hand goes straight on past a convex corner of 90 degrees or less, and comes down on the next face
     from free space: from within, a rigid contact keeps the face that it has.
 
-    Raises `InputError` for what is no model, and for one without a closed outline.
+    Raises `InputError` for what is not a model, and for one without a closed outline.
     """
     check_model(model)
     curve = as_curve(model.boundary)
@@ -435,7 +435,7 @@ def pushes(model: Model, *, bilateral: bool = False) -> st.SearchStrategy[Experi
       to 0.8 m/s along it. On a `bilateral` surface it starts on it, and moves along it.
     - The operator pushes by up to 6 N towards the surface, for up to 0.4 s.
 
-    Raises `InputError` for what is no model.
+    Raises `InputError` for what is not a model.
     """
     check_model(model)
     return _pushes(model, bool(bilateral))

@@ -345,7 +345,7 @@ AXES = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (1.0, 2.0, 3.0))
 def motions(model: Model) -> st.SearchStrategy[AnyMotion]:
     """Draw motions of a `model`'s body: it slides at up to 2 m/s, or spins at up to 2 turns a second about some point.
 
-    The path is given in the frame of the body. The simplest one rests. Raises `InputError` for what is no model.
+    The path is given in the frame of the body. The simplest one rests. Raises `InputError` for what is not a model.
     """
     check_model(model)
     return _motions(model.dimension, model.size)

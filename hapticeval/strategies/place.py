@@ -146,6 +146,6 @@ def _vertices_of(mesh: Mesh) -> list[Vertex]:
 
 
 def check_model(model: object) -> None:
-    """Raise `InputError` for what is no model."""
+    """Raise `InputError` for what is not a model."""
     if not isinstance(model, Model):
         raise InputError(f"{model!r} is not a model", todo='make one: hapticeval.make_model("star")')

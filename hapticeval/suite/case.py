@@ -201,7 +201,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
 
     def build_scene(self) -> Scene:
         """Return the scene, its model built once in each process."""
-        # A table is no key of a cache; its text is.
+        # A table is not a key of a cache; its text is.
         return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene, self.folder)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:

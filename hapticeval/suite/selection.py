@@ -41,8 +41,8 @@ def select(suites: Iterable[Suite], expressions: Sequence[str]) -> Selected:
     An expression has globs, `and`, `or`, `not` and parentheses. A glob is matched as `Place.matches` does; a word
     without `*`, `?` and `[` that names nothing is taken for `*word*`.
 
-    Raises `InputError` for what is no expression, and `NothingSelectedError` for a glob that matches nothing, with what
-    may be meant, and where nothing is left.
+    Raises `InputError` for what is not an expression, and `NothingSelectedError` for a glob that matches nothing, with
+    what may be meant, and where nothing is left.
     """
     cases = [(suite, case) for suite in suites for case in suite.cases]
     everything = frozenset(Place(suite.name, case.name, check) for suite, case in cases for check in case.checks)

@@ -112,7 +112,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 @lru_cache(maxsize=4096)
 def _digest_of(path: str) -> str | None:
-    """Return the digest of a file's content, read once a process; None for what is no file."""
+    """Return the digest of a file's content, read once a process; None for what is not a file."""
     try:
         return digest_of(Path(path)) if Path(path).is_file() else None
     except OSError:

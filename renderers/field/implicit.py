@@ -12,7 +12,7 @@ With S < 0 inside, h the hand, s the contact point, n the unit normal there, and
 S is the signed distance: that of the model itself (`@exact`), or one that is sampled on a grid and interpolated
 between its nodes (`@grid`). On the grid two laws go without a contact point that remembers, as of engines that hold
 distance fields, with phi = S(h) < 0 and s = h - phi n: `+normal`, F = -K phi n with n = grad phi / |grad phi|, and
-`+gradient`, F = -K phi grad phi, which is the gradient of K phi^2 / 2. The first is no gradient where |grad phi| is
+`+gradient`, F = -K phi grad phi, which is the gradient of K phi^2 / 2. The first is not a gradient where |grad phi| is
 not 1.
 
 Predicted from the equations, before any run:

@@ -69,7 +69,7 @@ def _judge_barred(base: Observed, grain: float, moved: Array, allowed: Array) ->
     """
     scene, across = base.scene, base.across_allowed
     contact = base.contact.copy()
-    # A tool that is simulated pulls at the hand by its coupling in free space, too: that force is no contact.
+    # A tool that is simulated pulls at the hand by its coupling in free space, too: that force is not a contact.
     rows = np.flatnonzero(contact)
     in_free_space = base.boundary.signed_distance(base.hip[rows]) > 0.0
     contact[rows] = ~(in_free_space & base.clear_of_surface(rows))

@@ -38,8 +38,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         )
         hand_changes, *answers = (np.linalg.norm(channel - channel[0], axis=2) for channel in (hip, ihip, force))
         changed = np.maximum(*answers)
-        # Points are the same within `PLACE_ROUNDING` only: what that may change of a steep answer is no drift, nor what
-        # rounds to another number of single precision.
+        # Points are the same within `PLACE_ROUNDING` only: what that may change of a steep answer is not a drift, nor
+        # what rounds to another number of single precision.
         excess = np.maximum(changed - STEEP_FACTOR * hand_changes - base.answered_rounding, 0.0)
         # Without any drift the tick with the largest change is shown.
         row = worst_row(np.where(excess.max() > 0.0, excess, changed))

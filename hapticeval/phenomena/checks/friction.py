@@ -134,10 +134,10 @@ def _break_away_ticks(base: Observed, surface_force: SurfaceForce, surely: float
     rounding = ihip_rounding(base)
     length = steps_to(base.ihip)
     pressed = surface_force.normal_force > 0.0
-    # What is no contact ends a rest as well as a motion does; so does the beginning of the recording.
+    # What is not a contact ends a rest as well as a motion does; so does the beginning of the recording.
     moves = (length > rounding) | ~pressed | ~np.append(False, pressed[:-1])
     sticks = surface_force.surely_within(surely)
-    # At a corner the tool may change its face: there a step is no slip.
+    # At a corner the tool may change its face: there a step is not a slip.
     near = _by_a_corner(base, length + rounding)
     ticks = np.flatnonzero(moves)
     return np.array(

@@ -52,7 +52,7 @@ def laps(hip: Array, size: float) -> list[LapRun]:
         rows, period = rows[fits], period[fits]
     periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
     lap_runs, end = [], 0
-    # The earliest first; rows within laps that are known begin none of their own. Two rows are no lap.
+    # The earliest first; rows within laps that are known begin none of their own. Two rows are not a lap.
     for row in sorted(periods):
         if row >= end and periods[row] > 2 and (number := _count_laps(hip, row, periods[row], near)) >= 2:
             lap_runs.append(LapRun(row, periods[row], number))

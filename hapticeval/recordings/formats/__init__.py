@@ -140,7 +140,7 @@ class Table:
         # The closest name may be of something else: only all of them show what the file calls it.
         if self.columns and "known: " not in error.todo:
             error.todo += f" known: {', '.join(sorted(self.columns))}"
-        # A column that the file has and that is no column of numbers.
+        # A column that the file has and that is not a column of numbers.
         error.why = next((remark for remark in self.remarks if f"'{name}'" in remark), error.why)
         raise error
 
@@ -335,7 +335,7 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
     """
     path = Path(path)
     chosen = _detected_format(path) if format is None else _named_format(format)
-    # Ours count what they take, and leave out what is no channel before.
+    # Ours count what they take, and leave out what is not a channel before.
     if not chosen.ours and path.is_file():
         reserve(path.stat().st_size, str(path))
     with nullcontext() if chosen.ours else blame_importer(f"the importer {importer_name(chosen.read)}", chosen.read):
@@ -453,7 +453,7 @@ def blame_importer(what: str, function: Any = None) -> Iterator[None]:
 
 
 def _check(table: Any, who: str) -> None:
-    """Raise `InputError` for what is no `Table`, and for columns, units and notes of it that do not fit together."""
+    """Raise `InputError` for what is not a `Table`, and for columns, units and notes of it that do not fit together."""
     if not isinstance(table, Table):
         raise InputError(
             f"{who} gave {'None' if table is None else f'a {type(table).__name__}'}",

@@ -172,13 +172,13 @@ TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm", ".svc")
 def read_delimited(path: Path) -> Table:
     """Return columns by their headers, or `c0`, `c1`, ...; a unit in brackets in a header is the column's unit.
 
-    A last row without its line end is left out. Cells that are no number become NaN, with a warning of the place; a
+    A last row without its line end is left out. Cells that are not a number become NaN, with a warning of the place; a
     column without any number is left out. Raises `InputError`, naming the line, for a row with too many cells.
     """
     data, cut = whole_text(path)
     lines = [line.decode().removesuffix("\n") for line in islice(io.BytesIO(data), 2 * HEADER_LINES)]
     rows = _content(lines)
-    # From the second half of the first lines: what stands above a table is no row of it.
+    # From the second half of the first lines: what stands above a table is not a row of it.
     dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
     header = _header(path, lines, rows, dialect)
     names, units, remarks = header.names, dict(header.units), list(header.remarks)

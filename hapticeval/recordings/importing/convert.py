@@ -191,7 +191,7 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
     # A row is in order where it is later than all before it: after a step back, rows up to the old time are not.
     never = np.iinfo(np.int64).min
     latest = np.maximum.accumulate(np.where(known, stamps, never))
-    # A time that is no number repeats the latest: zero would be a step back, and a gap after it.
+    # A time that is not a number repeats the latest: zero would be a step back, and a gap after it.
     stamps = np.where(known | (latest == never), stamps, latest)
     ordered = known.copy()
     ordered[1:] &= stamps[1:] > latest[:-1]

@@ -27,7 +27,7 @@
 
     [gaps]
     column = "pen"
-    where = 0                               # rows that are no data
+    where = 0                               # rows that are not data
 
     [meta]
     device = "rig 7"
@@ -149,7 +149,7 @@ class PoseColumns(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Gaps(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Rows that are no data: those in which `column` is `where`."""
+    """Rows that are not data: those in which `column` is `where`."""
 
     column: str
     where: float

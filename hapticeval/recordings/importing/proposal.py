@@ -85,7 +85,7 @@ LEAST_POINTS = 2.0
 """Points of a proposal: one word in the name of a vector itself, or one in its topic and several components."""
 
 MOST_COMPONENTS = 3
-"""More columns are no vector of the world, nor joints of a device that is known here."""
+"""More columns are not a vector of the world, nor joints of a device that is known here."""
 
 
 def propose(table: Table, *, file: str = "FILE", trial: str | None = None) -> str:

@@ -77,7 +77,7 @@ pint was tried: degrees are pure numbers to it, so that they would pass for radi
 def parse_unit(text: str) -> Unit:
     """Return the unit of `mm`, `N m`, `deg/s`, `0.1 deg`, `m/s^2`; a leading number scales it.
 
-    Raises `InputError` for an empty text or `?`, `UnknownNameError` for a word that is no unit.
+    Raises `InputError` for an empty text or `?`, `UnknownNameError` for a word that is not a unit.
     """
     text = text.strip()
     if text in ("", "?"):

@@ -1,6 +1,6 @@
 """What is wrong with one column: no number, stuck, clipped, spiking, jumping, gone, or still while the hand moves.
 
-A value that does not change is no fault by itself, as nothing may have happened. So each column is held against the
+A value that does not change is not a fault by itself, as nothing may have happened. So each column is held against the
 travel of the hand: a live sensor changes its reading every so many metres, and one that keeps a value over a travel in
 which it otherwise changes many times is stuck. What keeps its value by nature is left alone:
 
@@ -37,7 +37,7 @@ LASTING_TIMES = 5
 """A stuck value lasts for more than so many times the rows for which the column's values usually do."""
 
 ROWS_AWAKE = 3
-"""More rows than so many follow the waking: a value that differs at the column's very end is no sensor that woke."""
+"""More rows than so many follow the waking: a value that differs at the column's very end is not a sensor that woke."""
 
 CLIPPED_ROWS = 5
 """Equal values in a row, at the extreme of a column and reached at speed, that are clipped."""

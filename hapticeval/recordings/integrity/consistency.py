@@ -38,7 +38,7 @@ NOISE_ORDER = 4
 """Order of the differences of a residual that show its noise: what changes smoothly leaves next to nothing in them."""
 
 NOISE_SHARE = 0.2
-"""Share of the largest value up to which a residual may be noise: what is noisier than that is no measurement."""
+"""Share of the largest value up to which a residual may be noise: what is noisier than that is not a measurement."""
 
 FREE_DEVIATIONS = 7.5
 """Standard deviations of what a sensor reads in free motion below which a force is none: with three axes chance passes

@@ -11,7 +11,7 @@ from hapticeval.recordings.recording import Recording
 
 
 class Severity(StrEnum):
-    """`fault`: those rows are no measurement; `suspicious`: a person should look; `note`: good to know."""
+    """`fault`: those rows are not a measurement; `suspicious`: a person should look; `note`: good to know."""
 
     FAULT = "fault"
     SUSPICIOUS = "suspicious"
@@ -94,7 +94,7 @@ LEFT_OUT_KINDS = ("stuck", "spike", "jump", "dropout")
 
 
 def no_measurement(issue: Issue) -> bool:
-    """Return whether the rows of an issue are no measurement, though they are valid: checks leave them out."""
+    """Return whether the rows of an issue are not a measurement, though they are valid: checks leave them out."""
     return issue.kind in LEFT_OUT_KINDS and issue.severity is not Severity.NOTE and issue.first is not None
 
 

@@ -1,7 +1,7 @@
-"""What is wrong between columns: copies, a velocity that is no derivative, a force that lags, units and times.
+"""What is wrong between columns: copies, a velocity that is not a derivative, a force that lags, units and times.
 
 Whether a velocity is the derivative of its position is seen in increments, which filters leave alone. Differences from
-row to row are no fair measure: an encoder's quantum q makes them noisy by about q / dt, and the low-pass that every
+row to row are not a fair measure: an encoder's quantum q makes them noisy by about q / dt, and the low-pass that every
 controller puts on them takes away what is fast. What a filtered velocity still owes is its integral. With the filter's
 weights h_j, which sum to one,
 

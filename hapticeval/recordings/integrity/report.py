@@ -139,7 +139,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     """Return the stretches that checks may use, of two rows or more, and what was left out, and why.
 
     They are valid, without a hole in the clock that no late answer reaches over (`GAP_STEPS`), and without the rows of
-    an issue that is no measurement.
+    an issue that is not a measurement.
     """
     report = examine(recording) if report is None else report
     keep = recording.measured.copy()
@@ -285,7 +285,7 @@ def describe_contacts(impacts: Impacts) -> str:
 
 
 def describe_conversion(recording: Recording) -> str:
-    """Describe what a conversion made: rows, channels, and which rows are no measurement."""
+    """Describe what a conversion made: rows, channels, and which rows are not a measurement."""
     notes = recording.meta.get("import", {})
     missed = None if recording.clock is None else recording.clock.missed
     return "\n".join([

@@ -17,7 +17,7 @@ from hapticeval.recordings.stretches import GAP_STEPS, continuing_steps
 from hapticeval.types import IntArray
 
 CATCH_UP_ROWS = 3
-"""A late row is no gap where the clock is on its grid again after as many rows: nothing is missing then."""
+"""A late row is not a gap where the clock is on its grid again after as many rows: nothing is missing then."""
 
 DROPPED_STEP, DROPPED_TOLERANCE = 2.0, 0.15
 """A hand's step over one row that is missing is so many times those beside it, which agree: each within that share."""
@@ -51,7 +51,7 @@ class Timing:
 def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     """Return the timing of a recording's stamps, in the order in which they were recorded, and what is wrong with it.
 
-    A gap beside rows that are no measurement is a note. "bridged" in its measures and its advice follow from
+    A gap beside rows that are not a measurement is a note. "bridged" in its measures and its advice follow from
     `stretches.continuing_steps`. How many rows are missing follows from the cycle numbers, where there are any, or else
     from how long the gap is; the rate is that of all cycles, or else that of the rows between gaps.
     """

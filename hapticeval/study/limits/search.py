@@ -95,7 +95,7 @@ def eigenvalue_limit(loop: SampledLoop, family: GainFamily, *, steps: int = LIMI
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
     """Find the same limit by running the sampled closed loop, let go `RELEASE_OFFSET` off the surface: does it settle?
 
-    Effects that are not linear are left out: for encoders a limit cycle of a count is no instability, motors that
+    Effects that are not linear are left out: for encoders a limit cycle of a count is not an instability, motors that
     saturate bound one, and friction holds a loop at rest that would not stay there.
 
     Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
@@ -200,7 +200,7 @@ def describe_instability(factory: RendererFactory, scene: Scene, *, cutoff: floa
     """Describe where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it is stable.
 
     It goes by the eigenvalues at rest at points of the boundary, of the motion across the surface: that a tool slides
-    off a convex one is no matter of sampling.
+    off a convex one is not a matter of sampling.
 
     Empty too where they cannot decide: for a renderer whose gains do not grow with the stiffness, one without force,
     and one that breaks, which the run itself then reports.

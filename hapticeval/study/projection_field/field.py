@@ -194,7 +194,7 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
     for halving in range(2 * JUMP_HALVINGS):
         middle = 0.5 * (a + b)
         at_middle = project(middle)
-        # In free space on the way: letting go of the hand is no jump along the surface.
+        # In free space on the way: letting go of the hand is not a jump along the surface.
         free |= np.all(at_middle == middle, axis=1)
         left = np.linalg.norm(at_middle - at_a, axis=1)
         right = np.linalg.norm(at_b - at_middle, axis=1)
