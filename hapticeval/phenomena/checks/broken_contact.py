@@ -74,20 +74,16 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
     # A force that remains is excused by no theorem, as an early loss may be: neither hides the other.
     too_early = early >= late and not late > allowed
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + ticks_to_zero, len(base) - 1)
-    # In the order of what is seen first: no force, another face, another direction, less of it.
-    fails = f"a force remains up to {mm(late)} past the corner"
-    if early > allowed and not too_early:
-        fails += f"; besides, n_pre is lost {mm(early)} before it"
     if too_early:
-        before = f"{mm(early)} before the corner"
-        if not pushes[tick]:
-            fails = f"the force is lost {before}"
-        elif not crossing.tool[tick]:
-            fails = f"the force leaves n_pre {before}: another face pushes"
-        elif not first_face[tick]:
-            fails = f"the force leaves n_pre {before}"
-        else:
-            fails = f"the force falls below half of the usual {before}"
+        fails = _describe_loss(
+            pushes=bool(pushes[tick]),
+            at_face=bool(crossing.tool[tick]),
+            along_n_pre=bool(first_face[tick]),
+            early=early,
+        )
+    else:
+        besides = f"; besides, n_pre is lost {mm(early)} before it" if early > allowed else ""
+        fails = f"a force remains up to {mm(late)} past the corner{besides}"
     return compared(
         CHECK.measured(early if too_early else late),
         allowed,
@@ -102,6 +98,16 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
         passes=f"the force keeps n_pre to the corner and is gone {plural(ticks_to_zero, 'tick')} after it",
         fails=fails,
     )
+
+
+def _describe_loss(*, pushes: bool, at_face: bool, along_n_pre: bool, early: float) -> str:
+    """Return in words what is lost `early` (m) before a corner: the force, its face, its direction or its size."""
+    before = f"{mm(early)} before the corner"
+    if not pushes:
+        return f"the force is lost {before}"
+    if not at_face:
+        return f"the force leaves n_pre {before}: another face pushes"
+    return f"the force {'falls below half of the usual' if along_n_pre else 'leaves n_pre'} {before}"
 
 
 def _next_contact_of_standoff(base: Observed, first: int, end: int) -> int:

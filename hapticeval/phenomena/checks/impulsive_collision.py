@@ -18,34 +18,20 @@ from hapticeval.types import Array
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the momentum along the normal that the first ticks of contact take out with (3.5)."""
     base = runs.observed(scene)
-    unsettled = base.open_loop_reason
-    if unsettled is not None:
-        return undecided(unsettled)
-    contact = base.contact
-    struck = int(np.argmax(contact))
-    if not contact.any():
-        return undecided("the tool does not fly freely into the surface")
-    if struck == 0:
-        return not_applicable("the tool starts in contact, and does not fly into the surface")
+    struck = int(np.argmax(base.contact))
     end = struck + WINDOW_TICKS
-    if end >= len(base):
-        return undecided("the recording ends with the collision")
-    frame = base.boundary.closest_point(base.ihip[struck : struck + 1])
-    normal = frame.normal[0]
-    along = base.velocity @ normal
-    # v . n_e at the sample before the contact acts, positive into the surface, m/s
+    unsettled = _unsettled(base, struck)
+    if unsettled is not None:
+        return unsettled
+    normal, along = _along_the_normal(base, struck)
     approach = -float(along[struck])
-    if approach <= 0.0:
-        return undecided("the tool does not move into the surface when it meets it")
-    window = base.boundary.closest_point(base.ihip[struck : end + 1])
-    if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(base, normal, struck, end):
-        return not_applicable(f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact")
     # (3.5): (1 + c_r) m (v . n_e), N s
     required = (1.0 + scene.restitution) * scene.mass * approach
     impulses = _operator_impulses(base, normal)
     pushed = float(np.sum(impulses[struck:end]))
     # m dv along the normal, less what the operator has given in that time.
     removed = scene.mass * float(along[end] - along[struck]) - pushed
+    window = base.boundary.closest_point(base.ihip[struck : end + 1])
     turning = _speed_by_turning(base, window, slice(struck, end + 1))
     # What the operator adds before the tool is met is part of what has to be taken out.
     before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
@@ -58,7 +44,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     missing = max(required - slower - removed, removed - answered, 0.0) / required
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
-    left = np.flatnonzero(~contact[struck:])
+    left = np.flatnonzero(~base.contact[struck:])
     # What (3.5) does not ask for, a spring that is pressed already may give.
     facts = Facts(
         impulse_wanted_Ns=required,
@@ -85,6 +71,33 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compared(
         CHECK.measured(missing), turning / approach + IMPULSE_ROUNDING, evidence, passes=message, fails=fails
     )
+
+
+def _along_the_normal(base: Observed, struck: int) -> tuple[Array, Array]:
+    """Return the outward normal (N,) where the tool is met, and its velocity along that (n,), m/s."""
+    normal = base.boundary.closest_point(base.ihip[struck : struck + 1]).normal[0]
+    return normal, base.velocity @ normal
+
+
+def _unsettled(base: Observed, struck: int) -> Finding | None:
+    """Return why a recording has no collision to judge at the row `struck`, where a contact begins; else None."""
+    end = struck + WINDOW_TICKS
+    if base.open_loop_reason is not None:
+        return undecided(base.open_loop_reason)
+    if not base.contact.any():
+        return undecided("the tool does not fly freely into the surface")
+    if struck == 0:
+        return not_applicable("the tool starts in contact, and does not fly into the surface")
+    if end >= len(base):
+        return undecided("the recording ends with the collision")
+    normal, along = _along_the_normal(base, struck)
+    # v . n_e at the sample before the contact acts, positive into the surface, m/s
+    if along[struck] >= 0.0:
+        return undecided("the tool does not move into the surface when it meets it")
+    window = base.boundary.closest_point(base.ihip[struck : end + 1])
+    if float(np.min(window.normal @ normal)) < SAME_FACE_COSINE or _meets_another_face(base, normal, struck, end):
+        return not_applicable(f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact")
+    return None
 
 
 def _meets_another_face(base: Observed, normal: Array, struck: int, end: int) -> bool:

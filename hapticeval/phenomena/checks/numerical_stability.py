@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,12 +53,40 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     contact = _in_contact(base)
     if not contact.any():
         return undecided("the hand never touches the model")
-    size = scene.model.size
     # Each run comes back moved back, so that rows compare as they are.
     moved_runs = [(name, motion, moved(motion, (0.0,) * base.hip.shape[1])) for name, motion in motions(scene)]
     answering_runs = [(name, motion, Observed(run, scene)) for name, motion, run in moved_runs if run is not None]
     if not answering_runs:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")
+    return _finding(base, contact, [name for name, *_ in answering_runs], _change(runs, base, contact, answering_runs))
+
+
+class _Change(NamedTuple):
+    """How far answers are off, and what explains it: of each row (n,) or (motions, n), m, or a length for all, m.
+
+    - `total`: the worst of all motions, and of `off_model`, the IHIP's distance from the surface; `apart`: each motion.
+    - `hand`: what the rounding of the hand's position makes, `declared`: what renderers declare, and `steep`: what both
+      become where the answer is steep.
+    """
+
+    total: Array
+    apart: Array
+    off_model: Array
+    steep: Array
+    hand: float
+    declared: float
+
+    @property
+    def allowed(self) -> Array:
+        """How far an answer may be off, (n,), m."""
+        return np.asarray(self.hand + self.declared + STEEP_FACTOR * self.steep)
+
+
+def _change(
+    runs: Runs, base: Observed, contact: BoolArray, answering_runs: Sequence[tuple[str, Motion, Observed]]
+) -> _Change:
+    """Return how far the answers in each motion are from those of the scene as it is."""
+    scene, size = base.scene, base.scene.model.size
     hips = base.hip[contact]  # a hand in free space may be as far away as centres of curvature are
     farthest = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in answering_runs)
     # Moved coordinates are rounded where they are; moved back, that is divided by the scale.
@@ -70,61 +100,65 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
     apart = apart_in_motions(base)
     # The worst of all motions.
-    change = apart.max(axis=0)
+    worst = apart.max(axis=0)
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
-    suspect = bool(change.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
+    suspect = bool(worst.max() > hand + declared + SUSPECT_SHARE * ANSWER_CHANGE * size)
     steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
-    # The hand's rounding, what is declared, and what both become where the answer is steep.
-    allowed = hand + declared + STEEP_FACTOR * steep
-    if base.own_tool and np.any(change > allowed + ANSWER_CHANGE * size):
-        # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
-        change = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
     # An IHIP that is off the surface in every motion alike is no less wrong.
-    off_model = _distance_off_model(base, contact)
-    change = np.maximum(change, off_model)
+    change = _Change(worst, apart, _distance_off_model(base, contact), steep, hand, declared)
+    if base.own_tool and np.any(worst > change.allowed + ANSWER_CHANGE * size):
+        # A tool that moves by itself is known to the bound: what it meets within half of that is a tie on which side.
+        worst = apart_beside_ties(runs, apart_in_motions, 0.5 * ANSWER_CHANGE * size, scene).max(axis=0)
+    return change._replace(total=np.maximum(worst, change.off_model))
+
+
+def _finding(base: Observed, contact: BoolArray, motion_names: Sequence[str], change: _Change) -> Finding:
+    """Judge the largest change that nothing explains, and show the digits that hold."""
+    size = base.scene.model.size
     # Rows beside a discontinuity tell nothing of digits: nudges change their answers by more than tenfold.
-    clear = contact & (steep <= AMPLIFIED_FACTOR * (hand + declared) + ANSWER_CHANGE * size)
-    excess = np.where(contact, np.maximum(change - allowed, 0.0), 0.0) / size
+    known = change.hand + change.declared
+    clear = contact & (change.steep <= AMPLIFIED_FACTOR * known + ANSWER_CHANGE * size)
+    excess = np.where(contact, np.maximum(change.total - change.allowed, 0.0), 0.0) / size
     # Without an excess the answer with the fewest digits is shown.
-    worst = worst_row(excess if excess.max() > 0.0 else np.where(clear, change, -np.inf))
-    digits = digits_kept(float(change[clear].max(initial=0.0)), size)
-    motion_name = answering_runs[worst_row(apart[:, worst])][0]
+    worst = worst_row(excess if excess.max() > 0.0 else np.where(clear, change.total, -np.inf))
+    off = float(change.total[worst])
+    digits = digits_kept(float(change.total[clear].max(initial=0.0)), size)
     # The distance from the surface is that of the run as it is, and not of a motion.
-    if off_model[worst] == change[worst]:
-        motion_name = "as it is"
-    least_digits = worst_row(np.where(clear, change, 0.0))
-    excuse = ""
-    if clear[least_digits] and change[least_digits] > ANSWER_CHANGE * size:
-        excuse = _describe_excuse(float(change[least_digits]), float(hand), float(declared), float(steep[least_digits]))
+    as_it_is = change.off_model[worst] == change.total[worst]
+    motion_name = "as it is" if as_it_is else motion_names[worst_row(change.apart[:, worst])]
     evidence = {
         **base.evidence_at(worst),
         "digits": digits,
-        "off_m": float(change[worst]),
-        "rounding_m": float(hand),
-        "declared_m": float(declared),
+        "off_m": off,
+        "rounding_m": float(change.hand),
+        "declared_m": float(change.declared),
         "motion": motion_name,
-        "motions": [name for name, *_ in answering_runs],
+        "motions": list(motion_names),
         "rows_in_contact": int(contact.sum()),
         "rows_exempt": int((contact & ~clear).sum()),
     }
-    how = f"when the scene is moved{excuse}"
-    if excess.max() <= ANSWER_CHANGE:
-        # Whole ones, up to those of the bound: beyond, rounding decides, and another machine has others.
-        whole = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
-        metric = Metric("digits of the answer that hold", float(whole), "digits")
-        if digits < FEWEST_DIGITS:
-            # What is declared explains the rest, and so nothing is certified.
-            return undecided(f"undecided, {plural(whole, 'digit')} {how}", metric, evidence=evidence)
-        return Finding(Outcome.PASS, f"the answers keep {math.floor(digits)} digits {how}", metric, evidence=evidence)
-    return Finding(
-        Outcome.FAIL,
-        f"with the scene {motion_name}, the answer is off by {mm(change[worst])}, {change[worst] / size:.2g} of "
-        f"the model's size, at {base.time_and_hip(worst)}: "
-        f"{math.floor(max(0.0, digits_kept(float(change[worst]), size)))} digits are left",
-        CHECK.measured(excess.max()),
-        ANSWER_CHANGE,
-        evidence,
-    )
+    if excess.max() > ANSWER_CHANGE:
+        return Finding(
+            Outcome.FAIL,
+            f"with the scene {motion_name}, the answer is off by {mm(off)}, {off / size:.2g} of "
+            f"the model's size, at {base.time_and_hip(worst)}: "
+            f"{math.floor(max(0.0, digits_kept(off, size)))} digits are left",
+            CHECK.measured(excess.max()),
+            ANSWER_CHANGE,
+            evidence,
+        )
+    least_digits = worst_row(np.where(clear, change.total, 0.0))
+    how = "when the scene is moved"
+    if clear[least_digits] and change.total[least_digits] > ANSWER_CHANGE * size:
+        lengths = (change.total[least_digits], change.hand, change.declared, change.steep[least_digits])
+        how += _describe_excuse(*map(float, lengths))
+    # Whole ones, up to those of the bound: beyond, rounding decides, and another machine has others.
+    whole = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
+    metric = Metric("digits of the answer that hold", float(whole), "digits")
+    if digits < FEWEST_DIGITS:
+        # What is declared explains the rest, and so nothing is certified.
+        return undecided(f"undecided, {plural(whole, 'digit')} {how}", metric, evidence=evidence)
+    return Finding(Outcome.PASS, f"the answers keep {math.floor(digits)} digits {how}", metric, evidence=evidence)
 
 
 def _in_contact(base: Observed) -> BoolArray:
