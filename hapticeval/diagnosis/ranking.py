@@ -10,8 +10,7 @@ import numpy as np
 from hapticeval.diagnosis.causes import EXPLAINERS, FEWEST_LOGGED, Cause, Deviation
 from hapticeval.diagnosis.contact import RightContact
 from hapticeval.diagnosis.fits import power, rounding_variance, white_noise
-from hapticeval.diagnosis.placement import placement_causes
-from hapticeval.diagnosis.tool import tool_causes
+from hapticeval.diagnosis.placement import placement_causes, tool_causes
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.types import Array
 
