@@ -130,12 +130,12 @@ def _latex_text_of(table: Table, results: ResultsDocument, line: float = 1.0) ->
 
     `line` is the width of a line as a share of `LINE_WIDTH`.
     """
-    parts = [_latex_table(part, line) for part in _parts_that_fit(table, line)]
+    parts = [latex_of_table(part, line) for part in parts_that_fit(table, line)]
     head = f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{FLOAT_HINT}"
     return head + "\n".join(parts)
 
 
-def _parts_that_fit(table: Table, line: float) -> Iterator[Table]:
+def parts_that_fit(table: Table, line: float) -> Iterator[Table]:
     """Yield the table, or parts of it whose columns fit into a line by their longest words, each with the first one."""
     width = line * LINE_CHARACTERS[SMALLEST_LETTERS]
     words = [_longest_word(column) + COLUMN_GAP for column in table.columns]
@@ -162,7 +162,7 @@ def _longest_word(column: Sequence[str]) -> int:
     return max(len(word) for cell in cells for word in re.split(r"\s|(?<=\w)[-+@/]", cell))
 
 
-def _latex_table(table: Table, line: float) -> str:
+def latex_of_table(table: Table, line: float) -> str:
     """Return a table as LaTeX, small enough for a line: a float, or over several pages where it has many rows."""
     import pandas as pd
 

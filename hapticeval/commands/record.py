@@ -146,7 +146,10 @@ def record(
     session = _Session(wired, scene, chosen_renderer, meta, cycles, simulated, refuse_above, phases)
     live, summary = session.record(opener, journal, output)
     early = f"; ended early: {live.ended}" if live.ended else ""
-    lines = [f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}", _step_times(live, rate)]
+    lines = [
+        f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}",
+        describe_step_times(live, rate),
+    ]
     say("\n".join([*lines, *live.notes]))
     raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
 
@@ -280,8 +283,8 @@ class _Session:
         return tell
 
 
-def _step_times(live: LiveRun, rate: float) -> str:
-    """How long a step took, beside the time that there is for it; where that was too long, what to do."""
+def describe_step_times(live: LiveRun, rate: float) -> str:
+    """Return how long a step took, beside the time that there is for it; where that was too long, what to do."""
     # s.
     period = 1.0 / rate
     times = (

@@ -247,7 +247,7 @@ def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: floa
     # One budget for all pictures of a renderer.
     is_over = deadline(PICTURE_SECONDS, lambda: False)
     for counterexample, suite in zip(outcome.counterexamples, suites, strict=True):
-        pictures = _draw_counterexample(counterexample, suite, is_over)
+        pictures = draw_counterexample(counterexample, suite, is_over)
         written += [suite, *(pictures or ())]
         # None: no time was left; an empty list: the renderer breaks, and nothing can be drawn.
         without_picture += [] if pictures is not None else [counterexample.fault.check]
@@ -257,7 +257,7 @@ def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: floa
                 "\n  ".join([f"{hunt.renderer}: {line(counterexample)}", *notes(counterexample)])
                 for counterexample in outcome.counterexamples
             ),
-            _search_words(hunt, outcome, took),
+            describe_search(hunt, outcome, took),
             f"no picture, for its time was over, of: {', '.join(without_picture)}" if without_picture else "",
             wrote_lines(written),
         )
@@ -269,7 +269,7 @@ def _write_findings(hunt: Hunt, outcome: HuntResult, directory: Path, took: floa
     return int(bool(outcome.counterexamples) or not outcome.judged)
 
 
-def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
+def describe_search(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     """Return what was searched, and what was not found."""
     if outcome.refused is not None:
         return f"{hunt.renderer} refuses every model that was tried: {outcome.refused}"
@@ -297,7 +297,7 @@ def _search_words(hunt: Hunt, outcome: HuntResult, took: float) -> str:
     return lines([*effort, *(f"{words}: {', '.join(names)}" for words, names in named if names)])
 
 
-def _draw_counterexample(
+def draw_counterexample(
     counterexample: StoredCounterexample, suite: Path, over: Callable[[], bool]
 ) -> list[Path] | None:
     """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks.

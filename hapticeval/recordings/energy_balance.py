@@ -19,8 +19,8 @@ W is the trapezoid: over a linear spring that is exact, so that what a sampled w
 (half a step's worth) does not count as the environment's. A force may come up to `LAG_TICKS` late, as a proxy's does:
 it is judged at every such lag, and the least counts.
 
-What is beyond these bounds has to be beyond what the numbers resolve, too: `_Port.open` has the terms of rounding,
-noise and delay, `_Port.kinetic` that of a rest which is not quite one.
+What is beyond these bounds has to be beyond what the numbers resolve, too: `Port.open` has the terms of rounding,
+noise and delay, `Port.kinetic` that of a rest which is not quite one.
 """
 
 from __future__ import annotations
@@ -78,14 +78,14 @@ def balance(place: Array, force: Array, time: Array) -> tuple[EnergyGift, ...]:
     if len(time) < 2:
         return ()
     steps = coarsest(place), coarsest(force)
-    rests, share = _resting(place, time, steps[0])
+    rests, share = find_rests(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST_RESTS))]
     gifts = []
     # Shifted by each lag that a proxy may have: the force at row k + lag belongs to the place at row k.
     for lag in range(LAG_TICKS + 1):
         end = len(time) - lag
-        port = _Port(place[:end], force[lag:], steps, share)
+        port = Port(place[:end], force[lag:], steps, share)
         gift = port.largest(rests[rests < end], [row - lag for row in free if row >= lag])
         if gift is None:
             return ()
@@ -93,7 +93,7 @@ def balance(place: Array, force: Array, time: Array) -> tuple[EnergyGift, ...]:
     return tuple(gifts)
 
 
-class _Port:
+class Port:
     """Sums along a stretch: what crossed, and what of it rounding and noise leave open."""
 
     def __init__(self, place: Array, force: Array, steps: tuple[float, float], share: float) -> None:
@@ -169,7 +169,7 @@ class _Port:
             yield best
 
 
-def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
+def find_rests(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     """Return a row of each rest, and the share of the largest speed that a rest may have."""
     # Rows on either side over which a speed is taken.
     half = max(1, round(0.5 * REST_WINDOW / float(np.median(np.diff(time)))))

@@ -49,7 +49,7 @@ def numeric_step(values: Array) -> float | None:
     steps = steps[steps > FINEST_SHARE * span]
     if steps.size == 0:
         return None
-    step = _common_divisor(steps, FINEST_SHARE * span)
+    step = common_divisor(steps, FINEST_SHARE * span)
     for _ in range(3):  # the mean over many steps is finer than the smallest alone
         counts = np.round((distinct - distinct[0]) / step)
         # A lattice finer than a 1e7th of the range is the spacing of the numbers themselves.
@@ -61,8 +61,8 @@ def numeric_step(values: Array) -> float | None:
     return step if off.max() < LATTICE_TOLERANCE and counts[-1] > distinct.size / 50 else None
 
 
-def _common_divisor(steps: Array, floor: float) -> float:
-    """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
+def common_divisor(steps: Array, floor: float) -> float:
+    """Return the largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
 
     From the smallest up: a remainder has the rounding of its divisor as many times as that was taken off.
     """
@@ -82,7 +82,7 @@ def quantization_step(values: Array) -> float:
 
     It is 0 for double precision: then nothing but arithmetic limits the numbers.
     """
-    return max(numeric_step(values) or 0.0, single_precision_step(values), _decimal_step(values))
+    return max(numeric_step(values) or 0.0, single_precision_step(values), decimal_step(values))
 
 
 def coarsest(values: Array) -> float:
@@ -124,8 +124,8 @@ def single_precision_step(values: Array) -> float:
     return float(np.spacing(np.float32(largest))) if alike else 0.0
 
 
-def _decimal_step(values: Array) -> float:
-    """The unit in the last place of the largest number, where all have so few digits; otherwise 0."""
+def decimal_step(values: Array) -> float:
+    """Return the unit in the last place of the largest number, where all have so few digits; otherwise 0."""
     sample, largest = _sample(values)
     # a change of unit rounds again
     numbers = list(zip(sample.tolist(), (2.0 * np.spacing(np.abs(sample))).tolist(), strict=True))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.commands.record import _step_times
+from hapticeval.commands.record import describe_step_times
 from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.hardware import device, udp
 from hapticeval.hardware import live as live_module
@@ -375,7 +375,7 @@ def test_cycles_that_were_missed_are_shown(here, capsys):
     ],
 )
 def test_why_cycles_were_missed(median, longest, words):
-    assert words in _step_times(LiveRun(100, 7, "", median, longest), 1000.0)
+    assert words in describe_step_times(LiveRun(100, 7, "", median, longest), 1000.0)
 
 
 def test_a_slow_renderer_is_seen_from_its_steps(here, capsys):

@@ -131,3 +131,13 @@ HONEST: Mapping[str, Outsider] = {
     "late-textured": Outsider(partial(_late, 3), cases=tuple(SHOWN)),
 }
 """Those that show it right, and late: no check may blame them."""
+
+
+def variance_of_mean_square(covariance: np.ndarray, count: int) -> float:
+    """Return that of `count` samples of a Gaussian process over its mean squared: 2 / n^2 times the sum over all pairs.
+
+    Isserlis's theorem; `covariance` (k,) has no more lags than matter.
+    """
+    shares = (covariance / covariance[0]) ** 2
+    pairs = (shares[abs(lag)] * (count - abs(lag)) for lag in range(1 - count, count) if abs(lag) < shares.size)
+    return 2.0 * float(sum(pairs)) / count**2

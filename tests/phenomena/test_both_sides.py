@@ -14,7 +14,7 @@ from test_dynamic_checks import run as run_law
 from test_forces import PLANE, ROUND, collision, orbit
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.centripetal_force import _assigned_response, _ringing_columns
+from hapticeval.phenomena.checks.centripetal_force import _ringing_columns, assigned_response
 from hapticeval.phenomena.decisions import (
     DIED_OUT_SHARE,
     HOLD_TICKS,
@@ -96,12 +96,12 @@ def test_a_cost_counts_as_the_assigned_dynamics_answer_to_it(damping, seed):
     for push in force:
         expected.append(state[0])
         state = step @ np.array([state[0], state[1], push])
-    np.testing.assert_allclose(_assigned_response(force, Observed(base, scene)), expected, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(assigned_response(force, Observed(base, scene)), expected, rtol=1e-7, atol=1e-12)
 
 
 def test_undamped_dynamics_never_come_to_an_answer_so_that_the_static_one_counts():
     scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, bilateral=True)
-    assert _assigned_response(np.array([1.0, 2.0]), Observed(recorded(np.zeros((2, 2))), scene)).tolist() == [
+    assert assigned_response(np.array([1.0, 2.0]), Observed(recorded(np.zeros((2, 2))), scene)).tolist() == [
         0.02,
         0.04,
     ]

@@ -24,8 +24,8 @@ from hapticeval.phenomena.checks.contact_normal_force import (
     _normal_reach,
     _resolution_angle,
     _rounding_angle,
-    _static_balance,
     _tilt_angle,
+    static_balance,
 )
 from hapticeval.phenomena.checks.texture_relief import (
     ReliefAnswer,
@@ -254,27 +254,27 @@ class TestNormalForce:
         return recorded(hip, ihip, force, meta=LOOP, velocity=velocity, operator_force=rest + np.array([0.1, -push]))
 
     def test_at_rest_the_force_is_compared_with_the_push_within_the_momentum_s_share(self):
-        difference, allowed, push = _static_balance(Observed(self.pressed(gain=1.2), LINE))
+        difference, allowed, push = static_balance(Observed(self.pressed(gain=1.2), LINE))
         assert (difference, push) == (pytest.approx(0.4), pytest.approx(2.0))
         assert allowed == pytest.approx(SINGLE * 2.0)
         speed = 5e-3
-        _, allowed, _ = _static_balance(Observed(self.pressed(speed=speed), LINE))
+        _, allowed, _ = static_balance(Observed(self.pressed(speed=speed), LINE))
         assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
         fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
-        assert "momentum may make a tenth" in _static_balance(Observed(self.pressed(speed=fast), LINE)).reason
-        assert isinstance(_static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), StaticBalance)
-        assert "not at rest" in _static_balance(Observed(self.pressed(drift=1e-4), LINE)).reason
-        assert "does not push" in _static_balance(Observed(self.pressed(push=-2.0), LINE)).reason
+        assert "momentum may make a tenth" in static_balance(Observed(self.pressed(speed=fast), LINE)).reason
+        assert isinstance(static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), StaticBalance)
+        assert "not at rest" in static_balance(Observed(self.pressed(drift=1e-4), LINE)).reason
+        assert "does not push" in static_balance(Observed(self.pressed(push=-2.0), LINE)).reason
         held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
-        assert _static_balance(Observed(self.pressed(), held)).reason == ""
-        assert _static_balance(Observed(self.pressed(count=1), LINE)).reason == ""
+        assert static_balance(Observed(self.pressed(), held)).reason == ""
+        assert static_balance(Observed(self.pressed(count=1), LINE)).reason == ""
 
     @pytest.mark.parametrize(("drift", "rests"), [(1.03e-5, True), (1.05e-5, False)])
     def test_a_tool_that_stands_off_is_at_rest_within_three_steps_and_the_standoff(self, drift, rests):
         """Over 100 rows it drifts by 99 steps, of which 96 have to be within the millimetre that it stands off by."""
         base = self.pressed(drift=drift)
         off = changed(base, ihip=base.ihip + np.array([0.0, 1e-3]), meta={"standoff": 1e-3})
-        assert isinstance(_static_balance(Observed(off, LINE)), StaticBalance) is rests
+        assert isinstance(static_balance(Observed(off, LINE)), StaticBalance) is rests
 
     def test_force_and_push_are_taken_along_the_normal_where_the_tool_ends(self):
         round_scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
@@ -282,7 +282,7 @@ class TestNormalForce:
         out = np.column_stack([np.cos(angle), np.sin(angle)])
         push = np.tile([-2.0, 0.0], (50, 1))
         base = recorded(0.098 * out, 0.1 * out, -1.1 * push, meta=LOOP, velocity=0.0 * out, operator_force=push)
-        difference, _, pushed = _static_balance(Observed(base, round_scene))
+        difference, _, pushed = static_balance(Observed(base, round_scene))
         assert pushed == pytest.approx(2.0 * math.cos(0.01), rel=1e-9)
         assert difference == pytest.approx(0.2 * math.cos(0.01), rel=1e-9)
 
@@ -294,7 +294,7 @@ class TestNormalForce:
         hip[-1, 0] += 0.01
         velocity = np.zeros((500, 2))
         velocity[-50] = [3e-3, 4e-3]
-        _, allowed, _ = _static_balance(Observed(changed(base, hip=hip, velocity=velocity), scene))
+        _, allowed, _ = static_balance(Observed(changed(base, hip=hip, velocity=velocity), scene))
         momentum = heaviest_mass(robot, hip[-1]) * 5e-3
         assert allowed == pytest.approx(2.0 * momentum / (99 * 1e-3) + SINGLE * 200.0)
 

@@ -22,7 +22,7 @@ from hapticeval.phenomena.checks.continuous_contact import (
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
-from hapticeval.phenomena.measures.crossings import _comes_from_outside, _length_to_next_corner, angle_between
+from hapticeval.phenomena.measures.crossings import _comes_from_outside, angle_between, length_to_next_corner
 from hapticeval.phenomena.measures.jumps import (
     Remains,
     RoughPlace,
@@ -299,8 +299,8 @@ class TestCorners:
         corners = [SimpleNamespace(s=s) for s in (0.0, 2.0, 9.5)]
         boundary = SimpleNamespace(corners=corners, girth=10.0)
         (corner,) = (corner for corner in corners if corner.s == place)
-        assert _length_to_next_corner(boundary, corner) == length
-        assert _length_to_next_corner(SimpleNamespace(corners=[corner], girth=10.0), corner) == 10.0
+        assert length_to_next_corner(boundary, corner) == length
+        assert length_to_next_corner(SimpleNamespace(corners=[corner], girth=10.0), corner) == 10.0
 
     @pytest.mark.parametrize(("under", "above"), [(-2e-9, True), (-0.5e-9, False), (0.5e-9, False)])
     def test_a_tool_is_on_a_face_that_its_hand_was_above(self, under, above):

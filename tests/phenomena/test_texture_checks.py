@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from msgspec import structs
 from scipy.signal import lfilter, welch
+from textured import variance_of_mean_square
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
-from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.checks.texture import _steady_spans, spectrum_bound, welch_of
 from hapticeval.phenomena.decisions import WELCH_WINDOW
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
@@ -68,7 +69,7 @@ def test_bounds_are_what_chance_makes():
     assert max(errors) < 1.03 * bound
     assert np.quantile(errors, 0.99) > 0.9 * bound, "and not much more"
     assert np.mean(powers) == pytest.approx(covariance[0], rel=0.05)
-    assert np.var(powers) / covariance[0] ** 2 == pytest.approx(_mean_square_variance(covariance, 1250), rel=0.3)
+    assert np.var(powers) / covariance[0] ** 2 == pytest.approx(variance_of_mean_square(covariance, 1250), rel=0.3)
 
 
 def claiming(texture):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hapticeval.recordings.energy_balance import _Port, _resting, balance
+from hapticeval.recordings.energy_balance import Port, balance, find_rests
 from hapticeval.recordings.stretches import LAG_TICKS
 
 DT = 1e-3
@@ -135,7 +135,7 @@ class TestPort:
     def port(self, seed, *, share=0.1):
         random = np.random.default_rng(seed)
         place, force = np.cumsum(random.standard_normal((2, 14, 2)), axis=1)
-        return _Port(1e-3 * place, force, (1e-4, 0.05), share), 1e-3 * place, force
+        return Port(1e-3 * place, force, (1e-4, 0.05), share), 1e-3 * place, force
 
     def left_open(self, place, force, first, last):
         """Rounding of places and of forces, noise, and a tenth for the loop's delay."""
@@ -183,14 +183,14 @@ class TestPort:
     def test_of_two_rows_no_noise_is_known(self):
         place, force = np.array([[0.0], [1e-3]]), np.array([[1.0], [1.0]])
         # 1 N over 1 mm, of which a loop's delay may make a tenth
-        (found,) = _Port(place, force, (0.0, 0.0), 0.0)._free([0])
+        (found,) = Port(place, force, (0.0, 0.0), 0.0)._free([0])
         assert (found.energy, found.open) == (pytest.approx(1e-3), pytest.approx(1e-4))
 
     @pytest.mark.parametrize("count", [3, 4, 5])
     def test_of_three_rows_and_more_it_is_told_by_how_the_force_bends(self, count):
         """By turns 0 and 1 N it bends by 2 N in each row; the steps are a millimetre each."""
         place, force = 1e-3 * np.arange(float(count))[:, np.newaxis], np.arange(count)[:, np.newaxis] % 2.0
-        port = _Port(place, force, (0.0, 0.0), 0.0)
+        port = Port(place, force, (0.0, 0.0), 0.0)
         noise = 5.0 * 2.0 / 0.6745 / np.sqrt(6.0)
         work = 0.5e-3 * (count - 1)
         assert port.open(0, count - 1) == pytest.approx(noise * 1e-3 * np.sqrt(count - 1.0) + 0.1 * work)
@@ -246,20 +246,20 @@ class TestRests:
     def test_a_rest_is_where_the_hand_moves_by_a_share_of_its_largest_speed_over_ten_milliseconds(self):
         """At 0.1 m/s to row 10 and from row 30 on; over five rows to either side it stands in rows 15 to 25."""
         place = self.there_and_on(10, 20, 10)
-        rows, share = _resting(place, DT * np.arange(41), 0.0)
+        rows, share = find_rests(place, DT * np.arange(41), 0.0)
         assert (rows.tolist(), share) == ([15], 0.03)
         # Two quanta in the window: 60 um in 10 ms are 6 mm/s of 100.
-        assert _resting(place, DT * np.arange(41), 3e-5)[1] == pytest.approx(0.06)
+        assert find_rests(place, DT * np.arange(41), 3e-5)[1] == pytest.approx(0.06)
 
     @pytest.mark.parametrize(("count", "rests"), [(19, 0), (20, 1)])
     def test_what_is_shorter_than_two_windows_has_none(self, count, rests):
         place = self.there_and_on(5, 14, 0)[:count]
-        rows, share = _resting(place, DT * np.arange(float(count)), 0.0)
+        rows, share = find_rests(place, DT * np.arange(float(count)), 0.0)
         assert rows.size == rests
         assert share == (0.03 if rests else 0.0)
-        assert _resting(0.0 * place, DT * np.arange(float(count)), 1e-3)[1] == 0.0, "a hand that never moves"
+        assert find_rests(0.0 * place, DT * np.arange(float(count)), 1e-3)[1] == 0.0, "a hand that never moves"
 
     def test_of_a_slow_clock_a_speed_is_taken_from_row_to_row(self):
         place = self.there_and_on(0, 2, 7)
-        rows, _ = _resting(place, 0.02 * np.arange(10), 0.0)
+        rows, _ = find_rests(place, 0.02 * np.arange(10), 0.0)
         assert rows.tolist() == [1]

@@ -15,9 +15,9 @@ from hapticeval.recordings.difference import difference
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.memory import GIGABYTE, HEAD_BYTES, first_bytes, limited, reserve
 from hapticeval.recordings.quantization import (
-    _common_divisor,
-    _decimal_step,
     coarsest,
+    common_divisor,
+    decimal_step,
     numeric_step,
     single_precision_step,
 )
@@ -265,9 +265,9 @@ class TestQuanta:
     def test_a_quantum_is_the_largest_that_all_steps_are_multiples_of(self):
         assert numeric_step(np.array([0.0, 6.0, 16.0, 31.0])) == pytest.approx(1.0), "steps of 6, 10 and 15"
         assert numeric_step(np.array([-40.0, -28.0, 0.0, 20.0])) == pytest.approx(4.0), "of 12, 28 and 20"
-        assert _common_divisor(np.array([4.0, 6.0, 10.0]), 1e-3) == 2.0
-        assert _common_divisor(np.array([4.0, 6.0, 10.5]), 1e-3) == 0.5
-        assert _common_divisor(np.array([5.0]), 1e-3) == 5.0
+        assert common_divisor(np.array([4.0, 6.0, 10.0]), 1e-3) == 2.0
+        assert common_divisor(np.array([4.0, 6.0, 10.5]), 1e-3) == 0.5
+        assert common_divisor(np.array([5.0]), 1e-3) == 5.0
 
     @pytest.mark.parametrize(("off", "quantum"), [(0.015, 1.0), (0.025, None)])
     def test_values_lie_on_a_lattice_within_a_fiftieth_of_its_step(self, off, quantum):
@@ -295,8 +295,8 @@ class TestQuanta:
     @pytest.mark.parametrize(("digits", "step"), [(3, 1e-2), (5, 1e-4)])
     def test_numbers_of_a_text_are_known_to_the_last_digit_of_the_largest(self, digits, step):
         values = np.unique([float(f"{number:.{digits - 1}e}") for number in np.linspace(1.0, 9.87654321, 300)])
-        assert _decimal_step(values) == pytest.approx(step)
-        assert _decimal_step(np.sqrt(values)) == 0.0
+        assert decimal_step(values) == pytest.approx(step)
+        assert decimal_step(np.sqrt(values)) == 0.0
 
     def test_the_coarsest_of_several_columns_counts_and_of_none_there_is_none(self):
         columns = np.column_stack([0.5 * np.arange(60.0), 0.25 * np.arange(60.0)])

@@ -22,8 +22,8 @@ from hapticeval.reports import ReportView, junit, markdown, render_pages, summar
 from hapticeval.reports.exports import (
     LINE_CHARACTERS,
     SMALLEST_LETTERS,
-    _latex_table,
-    _parts_that_fit,
+    latex_of_table,
+    parts_that_fit,
     write_tables,
 )
 from hapticeval.reports.table import LIMIT
@@ -295,7 +295,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
     sheet = Table("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
-    text = _latex_table(sheet, 1.0)
+    text = latex_of_table(sheet, 1.0)
     assert "$-$0.25" in text
     assert "one+\\allowbreak{}1" in text
     widths = [float(each) for each in re.findall(r"p{([\d.]+)\\linewidth}", text)]
@@ -307,16 +307,16 @@ def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
 def test_a_share_and_a_count_are_broken_over_no_line():
     cells = ["pass, 1 of 12, 100 % left", "-0.5", "of 2 % or 3 of them"]
     sheet = Table("t", ["", "a", "b"], [cells], "Title")
-    text = _latex_table(sheet, 1.0)
+    text = latex_of_table(sheet, 1.0)
     assert "pass, 1~of~12, 100\\,\\%~left & $-$0.5 & of 2\\,\\% or 3 of them" in text
     assert text.startswith("\\begin{table}[tbp]\n\\centering\n\\setlength{\\belowcaptionskip}{6pt}\n\\caption{Title}\n")
-    narrow = _latex_table(sheet, 0.1)
+    narrow = latex_of_table(sheet, 0.1)
     widths = [float(width) for width in re.findall(r"p{([\d.]+)\\linewidth}", narrow)]
     assert widths[0] == pytest.approx(10 * widths[1] / len("-0.5"), rel=0.05), "as wide as 100 % left"
 
 
 def test_a_table_of_many_rows_has_its_head_on_each_page():
-    text = _latex_table(Table("t", ["a", "b"], [["x", "1"]] * 41, "Title"), 1.0)
+    text = latex_of_table(Table("t", ["a", "b"], [["x", "1"]] * 41, "Title"), 1.0)
     assert text.startswith(
         "\\begin{longtable}{ll}\n\\caption{Title} \\label{tab:t} \\\\\n\\toprule\na & b \\\\\n\\midrule\n\\endfirsthead"
     )
@@ -329,7 +329,7 @@ def test_a_table_of_many_rows_has_its_head_on_each_page():
 def test_a_table_that_is_too_wide_is_cut_into_parts_that_fit(line):
     """Each column of words of 20 characters; 88 fit into a line of the smallest letters."""
     sheet = Table("t", ["x", *(f"renderer{k:012d}" for k in range(9))], [["a", *["pass"] * 9]], "Title")
-    parts = list(_parts_that_fit(sheet, line))
+    parts = list(parts_that_fit(sheet, line))
     assert [name for part in parts for name in part.header[1:]] == sheet.header[1:]
     assert {part.header[0] for part in parts} == {"x"}
     assert [part.caption for part in parts] == [f"Title ({k + 1} of {len(parts)})" for k in range(len(parts))]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hapticeval import cli, strategies
-from hapticeval.commands.search import _draw_counterexample, _search_words
+from hapticeval.commands.search import describe_search, draw_counterexample
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
@@ -104,7 +104,7 @@ def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_
         for at, each in enumerate((jump, again))
     ]
     for each in files:
-        each += _draw_counterexample(stored_counterexample(jump, "minimum-distance", 0), each[0], lambda: False)
+        each += draw_counterexample(stored_counterexample(jump, "minimum-distance", 0), each[0], lambda: False)
     for one, other in zip(*files, strict=True):
         assert one.read_bytes() == other.read_bytes()
 
@@ -259,22 +259,22 @@ def test_the_last_lines_say_what_the_end_of_the_time_has_cut_short(jump):
     hunt = Hunt("minimum-distance", [JUMP, "seams"], [], [], 8.0, None)
     cut_short = msgspec.structs.replace(stored_counterexample(jump, "minimum-distance", 0), complete=False)
     outcome = HuntResult([cut_short], Counter(), 1, 9, None, False, "the renderer had given no answer for 3 s")
-    assert _search_words(hunt, outcome, 8.1).splitlines() == [
+    assert describe_search(hunt, outcome, 8.1).splitlines() == [
         "1 example drawn, 9 tried in 8.1 s; the time was over",
         "at the end the renderer had given no answer for 3 s",
         "not shrunk to the end; search again, or give more --seconds: continuous-contact",
         "no example decides: seams",
     ]
-    assert "4.0 s; interrupted" in _search_words(hunt, outcome, 4.0)
+    assert "4.0 s; interrupted" in describe_search(hunt, outcome, 4.0)
 
 
 def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
     made = stored_counterexample(jump, "minimum-distance", 0)
-    assert _draw_counterexample(made, tmp_path / "a.toml", stopped_after(0)) is None
+    assert draw_counterexample(made, tmp_path / "a.toml", stopped_after(0)) is None
     replace = msgspec.structs.replace
     deep = replace(made.trajectory, moves=(replace(made.trajectory.moves[0], to=[0.0, 0.0]),))
     hangs = replace(made, renderer="mine:Hangs", trajectory=deep)
-    assert _draw_counterexample(hangs, tmp_path / "a.toml", stopped_after(1)) is None
+    assert draw_counterexample(hangs, tmp_path / "a.toml", stopped_after(1)) is None
 
 
 def test_pictures_that_were_not_drawn_are_named(mine, monkeypatch, capsys):

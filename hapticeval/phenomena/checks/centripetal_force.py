@@ -160,7 +160,7 @@ def _regression_terms(recording: Observed) -> _Terms:
     if "operator_force" in recording.channels:
         push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
     # (3.8) and the push, both as the error that they make: what the spring alone would have to give.
-    cost, share = (_assigned_response(force, recording) for force in (speed2 * scene.mass, push))
+    cost, share = (assigned_response(force, recording) for force in (speed2 * scene.mass, push))
     bearing = recording.contact
     judged = bearing
     if not scene.bilateral:
@@ -196,7 +196,7 @@ def _ringing_columns(time: Array, scene: Scene) -> Array:
     return rings if turn.size and turn[-1] - turn[0] >= 2.0 * np.pi else rings[:, :0]
 
 
-def _assigned_response(force: Array, recording: Observed) -> Array:
+def assigned_response(force: Array, recording: Observed) -> Array:
     """Return the error (n,), m, of m n'' + K_d n' + K_p n = F for an outward force F (n,), N, held between samples.
 
     It starts in equilibrium with the first. Undamped dynamics never come to an answer: then it is the static one.

@@ -108,7 +108,7 @@ def _judge_direction(base: Observed) -> tuple[Finding, str]:
 
 def _judge_balance(base: Observed, finding: Finding, granted: str) -> Finding:
     """Add to the pass of a force's direction what its size at rest shows."""
-    balance = _static_balance(base)
+    balance = static_balance(base)
     if isinstance(balance, Unbalanced):
         if base.meta.get("source") != "experiment" or not balance.reason:
             return finding
@@ -330,7 +330,7 @@ def _corner_rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array
     return np.asarray(np.arctan2(rounded, heights))
 
 
-def _static_balance(recording: Observed) -> StaticBalance | Unbalanced:
+def static_balance(recording: Observed) -> StaticBalance | Unbalanced:
     """Return how force and push balance at rest, or why there is nothing to balance.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below

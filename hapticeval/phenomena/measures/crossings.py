@@ -105,7 +105,7 @@ def _cross_corner(recording: Observed, corner: Corner) -> Iterator[Crossing]:
     """Yield the crossings of a corner in the plane, either way."""
     boundary, slack = recording.boundary, recording.rounding
     from_corner = recording.hip - corner.position
-    near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _length_to_next_corner(boundary, corner)
+    near = np.linalg.norm(from_corner, axis=1) <= 0.5 * length_to_next_corner(boundary, corner)
     if not near.any():
         return
     # Along the boundary, anticlockwise, and against it: the faces change places.
@@ -188,7 +188,7 @@ def _comes_from_outside(
     return bool(at.normal[0] @ normal > 1.0 - SAME_NORMAL)
 
 
-def _length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
+def length_to_next_corner(boundary: Boundary, corner: Corner) -> float:
     """Return the arc length from a corner to the nearest other one, m; once round where it is the only one."""
     gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
     return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
@@ -262,7 +262,7 @@ def _follow_with_rigid_tool(recording: Observed, mesh: Mesh, slack: float) -> tu
     outside has a tool elsewhere, on another face or free, nothing tells which is right: the hand has come over an edge
     in a face's plane. Nor does anything later, as long as the tools of both go on to be apart.
     """
-    inside, outside = _shift_touching(recording.hip, mesh, slack)
+    inside, outside = shift_touching(recording.hip, mesh, slack)
     triangles, faces, tools = _find_faces(mesh, inside)
     if outside is not inside:
         _, other_faces, other_tools = _find_faces(mesh, outside)
@@ -311,7 +311,7 @@ def _find_faces(mesh: Mesh, hips: Array) -> tuple[IntArray, IntArray, Array]:
     return triangles, faces, tools
 
 
-def _shift_touching(hips: Array, mesh: Mesh, slack: float) -> tuple[Array, Array]:
+def shift_touching(hips: Array, mesh: Mesh, slack: float) -> tuple[Array, Array]:
     """Return `hips` (n, 3), m, with those that are on the mesh, to `slack` (m), a little inside, and a little outside.
 
     Inside is under all faces there: on a concave edge, and in a corner, a tool that follows the hand then rests. Both

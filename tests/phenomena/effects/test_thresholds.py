@@ -10,6 +10,7 @@ from msgspec import structs
 from scipy.optimize import brentq
 from scipy.special import polygamma
 from scipy.stats import chi2, norm
+from textured import variance_of_mean_square
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.friction import Friction
@@ -23,7 +24,7 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import texture
-from hapticeval.phenomena.checks.texture import Stretch, _mean_square_variance, find_stretches, spectrum_bound
+from hapticeval.phenomena.checks.texture import Stretch, find_stretches, spectrum_bound
 from hapticeval.phenomena.checks.transient import fit, judge_each
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.scene import Scene
@@ -265,7 +266,7 @@ class TestStretches:
         np.testing.assert_allclose(finding.evidence["parts_dB"], decibels)
         assert finding.metric.value == pytest.approx(abs(decibels[part]))
         assert finding.message.startswith(f"part {part + 1} of 8 of the stretch has {decibels[part]:+.3g} dB")
-        freedom = 2.0 / _mean_square_variance(self.covariance(self.SPEED), size)
+        freedom = 2.0 / variance_of_mean_square(self.covariance(self.SPEED), size)
         ends = chi2.ppf([0.5e-3 / 8, 1.0 - 0.5e-3 / 8], freedom) / freedom
         assert finding.bound == pytest.approx(np.abs(10.0 * np.log10(ends)).max(), rel=1e-6)
 
@@ -304,7 +305,7 @@ class TestStretches:
         power = np.array([np.mean(vibration**2) for vibration in vibrations])
         off = 10.0 * np.log10(power / levels)
         off -= off.mean()
-        shares = [_mean_square_variance(self.covariance(speed), n) for speed, n in zip(speeds, counts, strict=True)]
+        shares = [variance_of_mean_square(self.covariance(speed), n) for speed, n in zip(speeds, counts, strict=True)]
         variances = np.array([float(polygamma(1, 1.0 / share)) for share in shares])
         # Of a stretch less the mean of three, two-sided
         scatter = 10.0 / np.log(10.0) * np.sqrt(variances * (1.0 - 2.0 / 3.0) + variances.sum() / 9.0)
