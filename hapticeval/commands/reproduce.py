@@ -21,11 +21,21 @@ from hapticeval.commands.arguments import Folder, argument, option
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote_lines
 from hapticeval.errors import RefusalError
 from hapticeval.files import writing
+from hapticeval.study.thesis.printed import (
+    ITEMS_FILE,
+    Claim,
+    Comparison,
+    Item,
+    Part,
+    full_name,
+    items_named,
+    read_items,
+    slug_of,
+)
 
 if TYPE_CHECKING:
     from hapticeval.recordings.recording import Recording
     from hapticeval.runner.results import VerdictEntry
-    from hapticeval.study.thesis.printed import Claim, Comparison, Item, Part
     from hapticeval.suite.suite import Suite
 
 REPRODUCE_CODES = """\b
@@ -58,8 +68,6 @@ def reproduce(
       hapticeval reproduce table-6.3 chapter-7 -o thesis
       hapticeval reproduce --list
     """
-    from hapticeval.study.thesis.printed import items_named, read_items
-
     if listed or not names:
         say(columns((place, item.title) for place, item in read_items().items()))
         return
@@ -124,8 +132,6 @@ class Reproduction:
             self.answers.setdefault((suite, title), {})[renderer] = (row.get(renderer, "--"), published)
 
     def _show(self, name: str, item: Item) -> Part:
-        from hapticeval.study.thesis.printed import Part, slug_of
-
         typed = [self._type(line, f"{slug_of(name)}-{number}") for number, line in enumerate(item.studies, start=1)]
         pictures = [*(picture for _, picture, _ in typed), *self._draw(item, slug_of(name), len(typed))]
         comparisons = [self._decide(item, claim, [document for document, _, _ in typed]) for claim in item.claims]
@@ -153,7 +159,6 @@ class Reproduction:
         """Draw what an item shows of runs, of a model's outlines, and of encoders; `count` pictures are there."""
         from hapticeval.reports.thesis_page import PICTURES, grid_chart, outline_chart, write_chart
         from hapticeval.study.thesis.measures import encoder_grid, outlines
-        from hapticeval.study.thesis.printed import full_name
 
         charts = []
         for case in item.drawn_cases:
@@ -171,7 +176,6 @@ class Reproduction:
     def _decide(self, item: Item, claim: Claim, documents: Sequence[Mapping[str, Any]]) -> Comparison:
         """Decide a claim by a verdict, by what a study wrote, or by a measure."""
         from hapticeval.study.thesis.measures import Run, measure
-        from hapticeval.study.thesis.printed import Comparison, full_name
 
         case, renderer = claim.case or item.case, item.renderer_of(claim)
         if claim.check:
@@ -194,8 +198,6 @@ class Reproduction:
 
     def _cells(self, item: Item) -> Iterator[Comparison]:
         """Yield the cells of the table of the suite that an item is, row by row, beside those in print."""
-        from hapticeval.study.thesis.printed import Claim, Comparison, full_name
-
         for (suite, title), answers in self.answers.items():
             for name in map(full_name, item.renderers if suite == item.suite else ()):
                 ours, published = answers.get(name, ("--", None))
@@ -206,8 +208,6 @@ class Reproduction:
 
 def _cells_of(item: Item) -> Iterator[tuple[str, str, str]]:
     """Yield case, renderer and check of all that decides the printed rows of the suite that an item is."""
-    from hapticeval.study.thesis.printed import full_name
-
     for row in suite_of(item.suite).rows if item.suite else ():
         for renderer, case in product(item.renderers, suite_of(item.suite).cases if row.published else ()):
             if any(fnmatchcase(case.name, glob) for glob in row.cases):
@@ -217,7 +217,6 @@ def _cells_of(item: Item) -> Iterator[tuple[str, str, str]]:
 
 def suite_of(name: str) -> Suite:
     """Return a suite by its name; a file of cases for the thesis alone lies beside `items.toml`."""
-    from hapticeval.study.thesis.printed import ITEMS_FILE
     from hapticeval.suite.reading import load_suite
 
     return load_suite(str(ITEMS_FILE.with_name(name)) if name.endswith(".toml") else name)

@@ -44,11 +44,13 @@ def test_the_table_comes_out_as_published(tmp_path):
 def test_a_difference_without_a_reason_is_no_success(tmp_path, monkeypatch, capsys):
     import msgspec
 
+    from hapticeval.commands import reproduce
     from hapticeval.study.thesis import printed
 
     item = printed.read_items()["Table A.1"]
     wrong = msgspec.structs.replace(item, claims=(msgspec.structs.replace(item.claims[0], value="0.301"),))
-    monkeypatch.setattr(printed, "read_items", lambda: {"Table A.1": wrong})
+    for module in (printed, reproduce):
+        monkeypatch.setattr(module, "read_items", lambda: {"Table A.1": wrong})
     assert main(["reproduce", "table-a.1", "-o", str(tmp_path)]) == 1
     assert "l1: 0.3 (in print 0.301; differs by -0.001; no reason is known)" in capsys.readouterr().out
     assert "1 for none" in (tmp_path / "index.html").read_text(encoding="utf-8").replace("\n", " ")
