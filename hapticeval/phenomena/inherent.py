@@ -2,16 +2,60 @@
 
 A spring cannot turn momentum round at once, and a contact point that depends on the hand alone has to jump somewhere
 inside a closed surface. A renderer that declares to be such is not stopped for it; one that declares nothing is.
+
+What a corner breaks is another fault than what a face does: a theorem may ask for the `Region` where something happens.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from enum import StrEnum
 from typing import Any, NamedTuple
 
-from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, TELLING_SHARE
-from hapticeval.phenomena.regions import Region
+import numpy as np
+
+from hapticeval.phenomena.decisions import IMPULSE_ROUNDING, LAG_TICKS, TELLING_SHARE
+from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Outcome
+
+
+class Region(StrEnum):
+    """A class of places of the hand."""
+
+    FREE = "free space"
+    CONVEX = "convex corner"
+    CONCAVE = "concave corner"
+    MEDIAL = "medial axis"
+    """Where the model's own nearest point jumps."""
+    SURFACE = "surface"
+
+
+def region_of(recording: Observed, tick: int) -> Region:
+    """Return where the HIP is at a tick, by the model alone, whatever the renderer answers.
+
+    As near as a contact point can be placed at all, three HIP steps and the standoff, counts as there; corners are
+    those of a model in the plane. The nearest point jumps where it moves farther than that since the tick before.
+    """
+    boundary = recording.boundary
+    # Nothing finer can be placed on the surface than a lag's way and the standoff.
+    near = LAG_TICKS * recording.hip_step + recording.believed_standoff
+    frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
+    if frame.distance[-1] > near:
+        return Region.FREE
+    # The model's own nearest point jumps, be it from notch to notch: what a renderer does here is about two branches.
+    if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near:
+        return Region.MEDIAL
+    for corner in boundary.corners:
+        if np.linalg.norm(frame.foot[-1] - corner.position) <= near:
+            return Region.CONVEX if corner.convex else Region.CONCAVE
+    return Region.SURFACE
+
+
+def nearest_jump(recording: Observed, tick: int) -> float:
+    """Return how far the nearest point of the surface as it is rendered moves from the tick before to `tick`, m."""
+    points = recording.nearest_as_rendered(slice(max(tick - 1, 0), tick + 1))
+    return float(np.linalg.norm(points[-1] - points[0]))
+
 
 Declared = Mapping[str, Any]
 """What a renderer declares, as the metadata of its recordings have it: see `Declaration.meta`."""

@@ -10,9 +10,8 @@ from typing import Any
 
 from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, describe_error
 from hapticeval.phenomena.check import Runs, without_channel
-from hapticeval.phenomena.inherent import reason_inherent
+from hapticeval.phenomena.inherent import Region, nearest_jump, reason_inherent, region_of
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.regions import Region, nearest_jump, region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import note_cut_standoff, worst_of
 from hapticeval.phenomena.verdict import Facts, Finding, Level, Outcome, Verdict, undecided

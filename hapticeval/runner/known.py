@@ -59,7 +59,7 @@ failure may grow by 0.2 per cent unseen.
 class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A verdict, as `suite/case/check`, with the failure that is known of it: its `metric` in `unit`, if it has one.
 
-    `kind` is which of the faults that the check tells apart, and `region` where on the model: see `phenomena.regions`.
+    `kind` is which of the faults that the check tells apart, and `region` where on the model: see `inherent.Region`.
     """
 
     verdict: str

@@ -23,10 +23,10 @@ from hapticeval.phenomena.decisions import (
     STATIC_SHARE,
     TELLING_SHARE,
 )
+from hapticeval.phenomena.inherent import Region, region_of
 from hapticeval.phenomena.measures.jumps import largest_jump
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.regions import Region, region_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 

@@ -22,6 +22,7 @@ from hapticeval.phenomena.checks.continuous_contact import (
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
+from hapticeval.phenomena.inherent import nearest_jump
 from hapticeval.phenomena.measures.crossings import _comes_from_outside, angle_between, length_to_next_corner
 from hapticeval.phenomena.measures.jumps import (
     Remains,
@@ -39,7 +40,6 @@ from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.regions import nearest_jump
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
