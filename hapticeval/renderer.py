@@ -330,6 +330,12 @@ def _wrap(renderer: object) -> WrappedRenderer:
             f"the renderer's declaration is wrong: its {'; its '.join(promise.faults)}",
             todo="give other values, or leave out what is not promised",
         )
+    rendered_as = getattr(renderer, "rendered_as", "")
+    if not isinstance(rendered_as, str):
+        raise RendererError(
+            f"the renderer's rendered_as is a {type(rendered_as).__name__}",
+            todo="give the name of a projection, or none",
+        )
     return WrappedRenderer(
         renderer=renderer,
         steps=not missing,
@@ -343,7 +349,7 @@ def _wrap(renderer: object) -> WrappedRenderer:
         resolution=_declared_length(renderer, "resolution"),
         standoff=_declared_length(renderer, "standoff"),
         declares=promise,
-        rendered_as=str(getattr(renderer, "rendered_as", "")),
+        rendered_as=rendered_as,
         supports=_declared_support(renderer),
     )
 

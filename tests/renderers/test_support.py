@@ -128,12 +128,15 @@ def test_a_wrong_declaration_is_an_error(refused, supports, error):
         make_renderer(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
 
 
-@pytest.mark.parametrize("name", ["surface", "standoff", "declares", "supports", "law", "observe_force", "diagnostics"])
+ATTRIBUTES = ("surface", "standoff", "declares", "supports", "law", "observe_force", "diagnostics", "rendered_as")
+
+
+@pytest.mark.parametrize("name", ATTRIBUTES)
 def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(refused, name):
     def fails(self):
         raise KeyError(name)
 
-    for wrong in (property(fails), "wrong"):
+    for wrong in (property(fails), 1 if name == "rendered_as" else "wrong"):
         with refused(RendererError):
             make_renderer(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
 
