@@ -44,16 +44,18 @@ def track_front(model: Model, nodes: int) -> Flow:
             why="that takes a closed curve with a curvature at each point",
             todo="use the flow on a grid",
         )
-    name = model.curve.pieces.tobytes() + repr(nodes).encode()
-    arrays = dict(shared_arrays(__name__, name, lambda: _recorded_levels(model, nodes)))
+    u = line_starts(model, nodes)
+    front = np.ascontiguousarray(model.curve.position(u))
+    # All that comes from other modules is part of the name: what was made of something else is not taken for it.
+    name = u.tobytes() + front.tobytes() + repr(nodes).encode()
+    arrays = dict(shared_arrays(__name__, name, lambda: _recorded_levels(u, front, nodes)))
     cell = float(arrays.pop("cell"))
     return Flow(**arrays, cell=cell)
 
 
-def _recorded_levels(model: Model, nodes: int) -> dict[str, Array]:
-    """Run the flow, and return the fields of its `Flow`."""
-    curve, u = model.curve, line_starts(model, nodes)
-    front, lines = np.ascontiguousarray(curve.position(u)), np.arange(u.size, dtype=np.float64)
+def _recorded_levels(u: Array, front: Array, nodes: int) -> dict[str, Array]:
+    """Run the flow of a `front` (n, 2), m, with lines that start at `u` (n,); return the fields of its `Flow`."""
+    front, lines = front.copy(), np.arange(u.size, dtype=np.float64)
     start = _length_and_area(front)
     count, time, level = int(LEVELS_PER_NODE * nodes), 0.0, 1
     times, sizes, points = [0.0], [start], [front.copy()]

@@ -8,7 +8,8 @@ import pytest
 from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, make_model, star
-from hapticeval.renderers.maps.flow import FlowSettings
+from hapticeval.renderers.maps import front as front_module
+from hapticeval.renderers.maps.flow import FlowSettings, line_starts
 from hapticeval.renderers.maps.flow_map import FlowMap, build_chart, flow_map
 from hapticeval.renderers.maps.front import advance_to, track_front
 from hapticeval.study.bench.accuracy import reference_of, workload
@@ -33,6 +34,12 @@ def test_a_circle_keeps_its_shape_and_shrinks_at_half_a_metre_a_metre():
     radii = np.linalg.norm(flow.points, axis=2)
     assert np.ptp(radii, axis=1).max() < 1e-12
     np.testing.assert_allclose(radii[:, 0], 0.1 - 0.5 * flow.times, rtol=1e-3)
+
+
+def test_a_front_that_is_kept_is_that_of_its_own_start(monkeypatch):
+    first = track_front(MODEL, 200)
+    monkeypatch.setattr(front_module, "line_starts", lambda model, nodes: line_starts(model, nodes) + 0.01)
+    assert np.array_equal(track_front(MODEL, 200).u, first.u + 0.01)
 
 
 def test_nodes_stay_at_equal_distances_and_a_front_ends_at_the_area_it_is_asked_for():
@@ -72,4 +79,4 @@ def test_the_bench_counts_from_it_where_it_can_and_tells_its_error():
     assert "another computation with 800 nodes" in reference.what
     assert reference.extrapolated
     assert 0.0 < reference.disagreement["ihip"]["max"] < 3e-5
-    assert resolve("minimum-distance").reference is None
+    assert resolve("mapping").reference.reference is None
