@@ -28,7 +28,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
-from hapticeval.kernel_cache import shared_arrays
+from hapticeval.kernel_cache import digest_of, shared_arrays
 from hapticeval.renderers.maps.flow import Flow, FlowSettings, FoldedGridError, run_flow
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -141,7 +141,9 @@ def _build_map(key: _MapKey) -> FlowMap:
     def run() -> dict[str, Array]:
         return {name: np.asarray(value) for name, value in vars(run_flow(key.model, key.settings)).items()}
 
-    arrays = shared_arrays(run_flow.__module__, key.boundary + repr(key.settings).encode(), run)
+    # The front begins with distances that the curve computes: its code is part of the name.
+    code = digest_of(type(key.model.curve).__module__)
+    arrays = shared_arrays(run_flow.__module__, key.boundary + f"{key.settings!r} {code}".encode(), run)
     points, us, times, lengths, areas = (arrays[name] for name in ("points", "u", "times", "lengths", "areas"))
     flow = Flow(points, us, times, lengths, areas, float(arrays["cell"]))
     return FlowMap(key.model.curve, build_chart(key.model, flow))

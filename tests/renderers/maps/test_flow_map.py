@@ -175,3 +175,18 @@ def test_a_last_level_that_is_no_star_shape_is_refused():
     points = np.array([0.1 * bean, 0.099 * bean])
     with pytest.raises(FoldedGridError):
         build_chart(circle(), folded_flow(points))
+
+
+def test_a_kept_flow_is_that_of_this_code_of_the_curve(monkeypatch):
+    names = []
+
+    def shared_arrays(module, name, make):
+        names.append(name)
+        raise LookupError(module)
+
+    monkeypatch.setattr(locator, "shared_arrays", shared_arrays)
+    for code in ("before", "after", "after"):
+        monkeypatch.setattr(locator, "digest_of", lambda module, code=code: code)
+        with pytest.raises(LookupError):
+            flow_map(circle(size=0.123))
+    assert names[0] != names[1] == names[2]
