@@ -14,7 +14,7 @@ from test_dynamic_checks import run as run_law
 from test_forces import PLANE, ROUND, collision, orbit
 
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.centripetal_force import _ringing_columns, assigned_response
+from hapticeval.phenomena.checks.centripetal_force import assigned_response
 from hapticeval.phenomena.decisions import (
     DIED_OUT_SHARE,
     HOLD_TICKS,
@@ -97,14 +97,6 @@ def test_a_cost_counts_as_the_assigned_dynamics_answer_to_it(damping, seed):
         expected.append(state[0])
         state = step @ np.array([state[0], state[1], push])
     np.testing.assert_allclose(assigned_response(force, Observed(base, scene)), expected, rtol=1e-7, atol=1e-12)
-
-
-def test_undamped_dynamics_never_come_to_an_answer_so_that_the_static_one_counts():
-    scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, bilateral=True)
-    assert assigned_response(np.array([1.0, 2.0]), Observed(recorded(np.zeros((2, 2))), scene)).tolist() == [
-        0.02,
-        0.04,
-    ]
 
 
 def test_what_the_push_may_give_a_tool_while_the_normal_turns_is_granted_to_a_collision():
@@ -393,11 +385,3 @@ def test_on_a_constraint_that_holds_from_both_sides_a_late_point_is_found_on_eit
     ihip = 0.1 * out[np.maximum(np.arange(300) - 2, 0)]
     base = recorded((0.1 + side * 2e-3) * out, ihip)
     assert Observed(base, scene).lag.ihip == pytest.approx(2.0, abs=0.02)
-
-
-@pytest.mark.parametrize("start", [0.0, 5.0])
-@pytest.mark.parametrize(("periods", "columns"), [(0.99, 0), (1.01, 2)])
-def test_a_spring_rings_on_if_a_period_of_it_is_seen_whenever_that_begins(start, periods, columns):
-    period = 2.0 * np.pi * np.sqrt(LINE.mass / LINE.stiffness)
-    time = start + np.linspace(0.0, periods * period, 50)
-    assert _ringing_columns(time, LINE).shape == (50, columns)

@@ -19,7 +19,6 @@ from hapticeval.errors import UnknownNameError
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import shading
-from hapticeval.phenomena.checks.contact_kept import _find_force_in_free_space
 from hapticeval.phenomena.checks.never_pulls import find_outward
 from hapticeval.phenomena.checks.numerical_stability import motions
 from hapticeval.phenomena.checks.transient import impulse_of
@@ -644,42 +643,3 @@ class TestSubdivision:
         assert finding.evidence["ticks_late"] == late
         assert f"in either it comes {late} tick" in finding.message
         assert "ticks_late" not in self.judged(4, 4).evidence
-
-
-class TestForceInFreeSpace:
-    """A contact up to row 9, and a hand outside from row 10 on that is pushed by 2 N in one row, or in two."""
-
-    def judged(self, *rows, height=5e-3, force=2.0, apart=True, **meta):
-        hip = np.column_stack([np.zeros(30), np.where(np.arange(30) < 10, -1e-3, height)])
-        ihip = np.maximum(hip, 0.0) if apart else hip
-        forces = 1000.0 * (ihip - hip)
-        forces[list(rows), 1] = force
-        return _find_force_in_free_space(
-            Observed(recorded(hip, ihip, forces, meta={"source": "playback", **meta}), LINE)
-        )
-
-    @pytest.mark.parametrize(("row", "told"), [(12, False), (13, True), (29, True)])
-    def test_it_is_told_where_the_hand_is_free_for_three_ticks_to_either_side(self, row, told):
-        finding = self.judged(row)
-        assert (finding is not None) is told
-        if finding is not None:
-            assert (finding.metric.value, finding.bound) == (2.0, pytest.approx(1e-3))
-            assert (finding.evidence["tick"], finding.evidence["felt_ticks"]) == (row, 1)
-            assert f"feels 2 N in free space: it is 5 mm outside of the model at t = {1e-3 * row:.4g} s" in (
-                finding.message
-            )
-            assert "(1 of 30 ticks), with the tool at it" in finding.message
-
-    def test_the_place_of_the_largest_force_is_told(self):
-        finding = self.judged(15, 20)
-        assert (finding.evidence["tick"], finding.evidence["felt_ticks"]) == (15, 2)
-        assert self.judged(15, force=0.9e-3) is None
-        assert self.judged() is None
-
-    @pytest.mark.parametrize(("height", "told"), [(0.9e-3, False), (1.1e-3, True)])
-    def test_beyond_the_declared_standoff(self, height, told):
-        assert (self.judged(20, height=height, standoff=1e-3) is not None) is told
-
-    def test_of_a_renderer_that_gives_a_contact_point_or_says_that_it_has_none(self):
-        assert self.judged(20, apart=False) is None
-        assert self.judged(20, apart=False, contact_point="none") is not None

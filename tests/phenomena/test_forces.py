@@ -12,7 +12,7 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, from_vertices, line, make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.impulsive_collision import _operator_until_met
+from hapticeval.phenomena.checks.impulsive_collision import operator_until_met
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -130,9 +130,9 @@ def test_an_impulse_within_four_ticks_passes(ticks, restitution):
 @pytest.mark.parametrize(("pushes", "least", "largest"), [((9.0, 1.0, 3.0), 0.0, 5.0), ((0.0, -1.0, -3.0), -5.0, 0.0)])
 def test_until_a_rigid_tool_is_met_the_operator_pushes_as_before_or_goes_on_to_change(pushes, least, largest):
     free = recorded(np.ones((4, 2)))
-    assert _operator_until_met(free, np.array([*pushes, 50.0]), 3) == (least, largest)
+    assert operator_until_met(free, np.array([*pushes, 50.0]), 3) == (least, largest)
     met = changed(free, ihip=0.5 * free.hip)
-    assert _operator_until_met(met, np.array([*pushes, 50.0]), 3) == (0.0, 0.0)
+    assert operator_until_met(met, np.array([*pushes, 50.0]), 3) == (0.0, 0.0)
 
 
 def test_a_collision_in_which_the_tool_slides_over_an_edge_is_not_asked():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,16 +15,12 @@ from scipy.stats import chi2
 
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.continuous_contact import _limit_of_jumps, _shrinking_slope, coarsened_slope
-from hapticeval.phenomena.checks.friction import _curvature
-from hapticeval.phenomena.checks.passivity import _largest_of_recent, _since_free_space
+from hapticeval.phenomena.checks.continuous_contact import coarsened_slope, limit_of_jumps
 from hapticeval.phenomena.checks.relations import compare_runs
-from hapticeval.phenomena.checks.texture import _mean_square_variance, _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.checks.texture import spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
-from hapticeval.phenomena.decisions import LAG_ROWS
 from hapticeval.phenomena.lag import (
     Lag,
-    _spread_rows,
     believed_lag,
     beside_straight,
     delayed,
@@ -33,25 +28,17 @@ from hapticeval.phenomena.lag import (
     likely_force_lags,
     resting_ticks,
 )
-from hapticeval.phenomena.measures.closed_paths import LapRun, contact_spans, laps, running_sums
+from hapticeval.phenomena.measures.closed_paths import LapRun, laps
 from hapticeval.phenomena.measures.crossings import worst_finding
-from hapticeval.phenomena.measures.gained_work import Span
 from hapticeval.phenomena.measures.jumps import (
-    Remains,
-    Scale,
-    _judge_scales,
-    _spread_exponent,
-    _sub_steps,
-    _suspect_stretches,
     aitken,
     largest_jump,
     lets_go,
     step_bounds,
+    suspect_stretches,
     worst_step,
 )
-from hapticeval.phenomena.measures.restated import _directions
-from hapticeval.phenomena.measures.surface_force import along_surface
-from hapticeval.phenomena.measures.surface_motion import _overshoot, decay_rate
+from hapticeval.phenomena.measures.restated import nudge_directions
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import force_floor, note_cut_standoff, rounding, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric
@@ -59,91 +46,6 @@ from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
 """Solid below y = 0; its size is 0.2 m."""
-ROUNDED = 1e-9
-STEPS = 1e-4 * 0.5 ** np.arange(30)
-
-
-def scales(spreads, *, jump=None, follows=True):
-    """Scales at halvings of the step; the jump is the spread, but for one that is given of the last."""
-    last = max(spreads)
-    return tuple(
-        Scale(float(k), spread if jump is None or k < last else jump, spread, float(STEPS[k]), follows)
-        for k, spread in spreads.items()
-    )
-
-
-class TestScales:
-    """Single precision resolves the steps 0 to 16 here, and 22 and 28 are below it."""
-
-    @pytest.mark.parametrize(("exponent", "kind"), [(0.0, Remains.STEEP), (0.14, Remains.STEEP), (0.16, None)])
-    def test_a_map_is_continuous_from_an_exponent_on(self, exponent, kind):
-        place = _judge_scales(scales({k: 1e-3 * 2.0 ** (-exponent * k) for k in (0, 2, 4, 10, 16)}), 7, 1e-6, ROUNDED)
-        assert (place.kind if place else None) is kind
-        if place:
-            assert (place.tick, place.slope) == (7, pytest.approx(exponent))
-            assert place.remaining == pytest.approx(1e-3 * 2.0 ** (-exponent * 16))
-
-    @pytest.mark.parametrize(("left", "kind"), [(1.0, Remains.STAYS), (0.91, Remains.STAYS), (0.89, Remains.STEEP)])
-    def test_a_jump_keeps_nine_tenths_of_its_spread_below_what_is_resolved(self, left, kind):
-        place = _judge_scales(scales({0: 1e-3, 16: 1e-3, 22: left * 1e-3}), 7, 1e-6, ROUNDED)
-        assert (place.kind, place.remaining) == (kind, left * 1e-3)
-
-    @pytest.mark.parametrize("jump", [1e-3, 1e-5, 0.0])
-    @pytest.mark.parametrize(("exponent", "smooth"), [(0.45, False), (0.55, True)])
-    def test_a_smooth_way_below_is_a_rounded_jump_where_it_rises_over_less_than_is_resolved(
-        self, exponent, smooth, jump
-    ):
-        below = {0: 1e-3, 16: 1e-3, 22: 1e-3 * 2.0 ** (-exponent * 6)}
-        place = _judge_scales(scales(below, jump=jump), 7, 1e-6, ROUNDED)
-        if not smooth:
-            assert place.kind is Remains.STEEP
-        elif jump and 1e-3 * STEPS[22] / jump < ROUNDED:
-            assert (place.kind, place.remaining) == (Remains.STAYS, 1e-3)
-        else:
-            assert place is None
-
-    @pytest.mark.parametrize(
-        ("limit", "bound", "kind"),
-        [
-            (6e-4, 5.9e-4, Remains.STAYS),
-            (6e-4, 6.1e-4, Remains.STEEP),
-            (3e-4, 1e-6, Remains.STAYS),
-            (1.9e-4, 1e-6, Remains.STEEP),
-        ],
-    )
-    def test_the_limit_of_three_spreads_is_a_jump_above_the_bound_and_half_of_the_finest(self, limit, bound, kind):
-        spreads = {16: 1e-3, 22: limit + 0.5 * (1e-3 - limit), 28: limit + 0.25 * (1e-3 - limit)}
-        place = _judge_scales(scales({0: 1e-3, **spreads}), 7, bound, ROUNDED)
-        assert place.kind is kind
-        if kind is Remains.STAYS:
-            assert place.remaining == pytest.approx(limit)
-
-    def test_a_smooth_way_is_told_by_the_last_two_scales_below(self):
-        """Of 0.05 over the first six halvings below, and of 1 over the next."""
-        spreads = {0: 1e-3, 16: 1e-3, 22: 0.81e-3, 28: 0.81e-3 * 2.0**-6.0}
-        place = _judge_scales(scales(spreads, jump=1e-3), 7, 1.0, ROUNDED)
-        assert (place.kind, place.remaining) == (Remains.STAYS, 1e-3)
-
-    def test_a_scale_at_which_the_tool_does_not_follow_shows_rounding(self):
-        below = scales({0: 1e-3, 16: 1e-3, 22: 1e-4}, jump=1e-3, follows=False)
-        assert _judge_scales(below, 7, 1e-6, ROUNDED).kind is Remains.STEEP
-
-
-@pytest.mark.parametrize(
-    ("depth", "room", "parts"),
-    [(0, 8.0, 4), (1, 8.0, 4), (2, 1.9, 64), (2, 2.0, 2), (2, 7.9, 4), (3, 64.0, 64), (2, 65.0, 64)],
-)
-def test_a_look_ends_at_the_finest_step_that_single_precision_resolves(depth, room, parts):
-    assert _sub_steps(depth, room * ROUNDED, ROUNDED) == parts
-
-
-@pytest.mark.parametrize(("gap", "count"), [(6, 1), (7, 2)])
-def test_steps_within_two_lags_are_one_stretch(gap, count):
-    steps = np.zeros(30)
-    steps[[5, 5 + gap]] = 2.0, 3.0
-    stretches = list(_suspect_stretches(steps, np.ones(30), 100))
-    assert len(stretches) == count
-    assert stretches[0] == ((5, 11) if count == 1 else (12, 12))
 
 
 @pytest.mark.parametrize("begin", [0, 30])
@@ -151,7 +53,7 @@ def test_a_long_stretch_is_looked_at_in_parts_the_worst_first(begin):
     steps = np.zeros(begin + 20)
     steps[begin:] = 2.0
     steps[begin + 12] = 5.0
-    parts = list(_suspect_stretches(steps, np.ones(begin + 20), 4))
+    parts = list(suspect_stretches(steps, np.ones(begin + 20), 4))
     assert parts[0] == (begin + 10, begin + 13)
     assert sorted(row for first, last in parts for row in range(first, last + 1)) == list(range(begin, begin + 20))
     assert all(last - first < 4 for first, last in parts)
@@ -347,25 +249,9 @@ class TestLaps:
         assert laps(np.zeros((2, 2)), 0.2) == []
 
 
-def test_a_contact_is_spanned_from_the_free_row_before_it_to_the_next_or_the_end():
-    free = np.array([True, True, False, False, True, True, False, False])
-    assert contact_spans(free) == [(1, 4), (5, 7)]
-    spans = [_since_free_space(free, *rows) for rows in contact_spans(free)]
-    assert [span.what for span in spans] == ["from free space to free space", "since free space"]
-    assert spans[0].ends.tolist() == [2, 3, 4]
-    assert Span.of_lap(1, 4).ends.tolist() == [4]
-    assert running_sums(np.array([1.0, 2.0, 4.0])).tolist() == [0.0, 1.0, 3.0, 7.0]
-
-
 def test_later_laps_begin_where_the_one_before_ends():
     assert LapRun(3, 10, 3).later == [(13, 23), (23, 33)]
     assert LapRun(3, 10, 1).later == []
-
-
-@given(values=st.lists(st.floats(0.0, 9.0), min_size=1, max_size=8), ticks=st.integers(0, 4))
-def test_the_largest_of_recent_values_is_of_as_many_ticks_before(values, ticks):
-    expected = [max(values[max(i - ticks, 0) : i + 1]) for i in range(len(values))]
-    assert _largest_of_recent(np.array(values), ticks).tolist() == expected
 
 
 class TestLag:
@@ -400,11 +286,6 @@ class TestLag:
         assert delayed(values, rows, 1.0).ravel().tolist() == [0.0, 0.0, 1.0]
         assert delayed(values, rows, -0.5).ravel().tolist() == [0.5, 2.5, 4.0]
 
-    @pytest.mark.parametrize(("count", "every"), [(1, 1), (LAG_ROWS, 1), (LAG_ROWS + 1, 2), (3 * LAG_ROWS, 3)])
-    def test_a_lag_is_sought_in_rows_that_are_spread_over_all(self, count, every):
-        rows = np.arange(count) + 5
-        assert _spread_rows(rows).tolist() == rows[::every].tolist()
-
     def test_a_force_is_as_late_as_the_oldest_hand_that_it_is_made_of(self):
         assert Lag(1.0, 0.5, 0.25).force == 1.25
         assert Lag(0.0, 1.5, 1.0).force == 1.5
@@ -420,20 +301,10 @@ class TestLag:
         assert believed_lag(lambda ticks: 1e-3 * abs(ticks - 1.0), 0.9e-3)[0] == pytest.approx(1.0)
 
 
-def test_jumps_that_shrink_have_the_slope_of_their_law():
-    assert _shrinking_slope([8.0, 4.0, 2.0, 1.0]) == pytest.approx(1.0)
-    assert _shrinking_slope([4.0, 2.0**1.5, 2.0]) == pytest.approx(0.5)
-    assert _shrinking_slope([1.0, 0.0]) == math.inf
-
-
 @pytest.mark.parametrize(("scatter", "law"), [(1.02, True), (1.3, False)])
 def test_a_power_law_within_a_tenth_leaves_nothing(scatter, law):
     jumps = [scatter ** (-1) ** k * 2.0 ** (-0.5 * k) for k in range(6)]
-    assert (_limit_of_jumps(jumps) == 0.0) is law
-
-
-def test_what_three_jumps_tend_to_is_left():
-    assert _limit_of_jumps([0.3 + 0.7 * 0.25**k for k in range(6)]) == pytest.approx(0.3)
+    assert (limit_of_jumps(jumps) == 0.0) is law
 
 
 class TestLeavingOutSamples:
@@ -453,19 +324,6 @@ class TestLeavingOutSamples:
     def test_a_contact_that_is_too_short_tells_nothing(self):
         assert math.isnan(coarsened_slope(Observed(self.stepping(1.0, count=2), LINE), 1))
         assert coarsened_slope(Observed(self.stepping(1.0, count=3), LINE), 1) == pytest.approx(1.0)
-
-
-def test_a_step_of_the_assigned_dynamics_overshoots_by_its_damping():
-    def damped(ratio):
-        return Scene(model=line(), stiffness=50.0, mass=0.1, damping=2.0 * ratio * math.sqrt(5.0), bilateral=True)
-
-    assert _overshoot(damped(0.0)) == pytest.approx(2.0)
-    assert _overshoot(damped(0.5)) == pytest.approx(1.1630334762)
-    assert _overshoot(damped(1.0)) == _overshoot(damped(2.0)) == 1.0
-    assert decay_rate(damped(0.5)) == pytest.approx(0.5 * math.sqrt(500.0))
-    # Roots of s^2 + 2 zeta w s + w^2 of zeta = 2: -w (2 -+ sqrt 3)
-    assert decay_rate(damped(2.0)) == pytest.approx(math.sqrt(500.0) * (2.0 - math.sqrt(3.0)))
-    assert decay_rate(damped(0.0)) == 0.0
 
 
 @given(decay=st.floats(5.0, 80.0), frequency=st.floats(20.0, 200.0), phase=st.floats(0.0, 6.0))
@@ -502,45 +360,13 @@ def test_what_welch_tends_to_is_flat_of_white_noise_and_has_the_power_of_any():
     np.testing.assert_allclose(welch_of(coloured)[20:], 2.0 * density[20:], rtol=0.02)
 
 
-def test_the_mean_square_of_a_process_scatters_by_its_covariance():
-    covariance = 0.8 ** np.arange(10)
-    count = 6
-    rows = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-    # Isserlis: var(mean of x^2) = 2 sum r_ij^2 / n^2
-    assert _mean_square_variance(covariance, count) == pytest.approx(2.0 * np.sum(covariance[rows] ** 2) / count**2)
-    assert _mean_square_variance(np.array([1.0]), count) == pytest.approx(2.0 / count)
-
-
-def test_a_span_is_steady_within_a_hundredth_of_how_it_begins():
-    press = np.ones(8)
-    speed = np.array([0.0, 1.0, 1.009, 0.991, 1.011, 1.02, 1.02, 1.02])
-    assert _steady_spans(speed, press, speed > 0.0) == [(1, 4), (4, 8)]
-    assert _steady_spans(np.ones(8), np.linspace(1.0, 1.009, 8), np.ones(8, dtype=bool)) == [(0, 8)]
-
-
-def test_curvatures_are_the_largest_and_half_of_what_the_principal_ones_differ_by():
-    bend, twist = _curvature(np.array([np.diag([3.0, -5.0, 0.0])]))
-    assert (bend[0], twist[0]) == (5.0, 4.0)
-    bend, twist = _curvature(np.array([np.diag([-2.0, 0.0])]))
-    assert (bend[0], twist[0]) == (2.0, 0.0)
-    vectors, normals = np.array([[3.0, 4.0]]), np.array([[0.0, 1.0]])
-    assert along_surface(vectors, normals).tolist() == [[3.0, 0.0]]
-
-
 @pytest.mark.parametrize(("dimension", "count"), [(2, 8), (3, 26)])
 def test_the_hand_is_nudged_along_axes_and_diagonals_and_by_a_quarter(dimension, count):
-    nudges = _directions(dimension)
+    nudges = nudge_directions(dimension)
     lengths = np.linalg.norm(nudges, axis=1)
     np.testing.assert_allclose(lengths, [1.0] * count + [0.25] * count)
     assert len(np.unique(np.round(nudges, 9), axis=0)) == 2 * count
     np.testing.assert_allclose(nudges.sum(axis=0), 0.0, atol=1e-12)
-
-
-def test_a_spread_falls_with_the_step_by_its_exponent():
-    coarse, fine = scales({0: 8e-4, 4: 2e-4})
-    assert _spread_exponent(coarse, fine) == pytest.approx(0.5)
-    assert _spread_exponent(fine, fine) == 0.0, "of one scale nothing falls"
-    assert _spread_exponent(coarse, replace(fine, spread=0.0)) == math.inf
 
 
 @pytest.mark.parametrize(("off", "outcome"), [(2.9e-3, PASS), (3.1e-3, FAIL)])
@@ -589,17 +415,6 @@ def test_a_place_that_is_worse_by_more_than_rounding_is_named_and_so_is_one_amon
 
 UP, DOWN = 1.0 + 4e-16, 1.0 - 4e-16
 """One, rounded up and down: which of two equally bad places is larger is a matter of the machine."""
-
-
-@pytest.mark.parametrize(("first", "second"), [(DOWN, UP), (UP, DOWN)])
-def test_of_two_equal_jumps_the_first_is_named(first, second):
-    hip = np.column_stack([np.zeros(60), np.full(60, -1e-3)])
-    along = 1e-2 * (first * (np.arange(60) >= 20) + second * (np.arange(60) >= 40))
-    base = recorded(hip, np.column_stack([along, np.zeros(60)]))
-    assert largest_jump(Observed(base, LINE))[1] == 20
-    assert worst_step(Observed(base, LINE), np.full(60, 1e-3))[1] == 20
-    steps = 1e-2 * np.where(np.arange(60) == 20, first, np.where(np.arange(60) == 40, second, 0.0))
-    assert list(_suspect_stretches(steps, np.full(60, 1e-3), 8)) == [(20, 20), (40, 40)]
 
 
 @pytest.mark.parametrize(("first", "second"), [(DOWN, UP), (UP, DOWN)])

@@ -12,128 +12,27 @@ from test_helpers_by_definition import LINE, slide
 
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.contact_kept import _rests_where_contact_ended
 from hapticeval.phenomena.checks.continuous_contact import (
-    _fault_of_sibling,
-    _find_off_surface,
     amplification,
     coarsened_slope,
 )
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
-from hapticeval.phenomena.decisions import HOLD_TICKS, TICKS_AROUND
+from hapticeval.phenomena.decisions import HOLD_TICKS
 from hapticeval.phenomena.inherent import nearest_jump
-from hapticeval.phenomena.measures.crossings import _comes_from_outside, angle_between, length_to_next_corner
+from hapticeval.phenomena.measures.crossings import angle_between, length_to_next_corner
 from hapticeval.phenomena.measures.jumps import (
-    Remains,
-    RoughPlace,
-    Scale,
-    _JumpSearch,
-    _leads_the_same_way,
-    _Look,
-    _measure_scale,
-    _passes_by,
-    _suspect_stretches,
     with_steps_of_pieces,
 )
 from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
-from hapticeval.phenomena.measures.under_the_hand import _followed_rows, _may_begin_at_ihip
+from hapticeval.phenomena.measures.under_the_hand import followed_rows, may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed
 from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
 
 STEP = 1e-4
-
-
-class TestStretches:
-    def test_steps_a_lag_apart_from_two_others_are_a_stretch_of_their_own(self):
-        steps = np.zeros(30)
-        steps[[5, 12, 13]] = 2.0, 2.0, 3.0
-        assert list(_suspect_stretches(steps, np.ones(30), 100)) == [(12, 13), (5, 5)]
-
-    def test_a_long_step_that_is_within_its_bound_belongs_to_no_stretch(self):
-        steps, bounds = np.zeros(30), np.ones(30)
-        steps[[3, 4, 20]] = 2.0, 2.0, 3.0
-        steps[5], bounds[5] = 9.0, 10.0
-        assert list(_suspect_stretches(steps, bounds, 100)) == [(20, 20), (3, 4)]
-        assert list(_suspect_stretches(steps, bounds, 1)) == [(20, 20), (3, 3), (4, 4)]
-
-
-class TestScale:
-    def measured(self, base, row, before=()):
-        return _measure_scale(Observed(base, LINE), np.arange(float(len(base))), row, before)
-
-    @pytest.mark.parametrize("row", [1, 10])
-    def test_it_has_jump_spread_and_step_around_a_row(self, row):
-        base = slide(count=20, aside=0.01)
-        scale = self.measured(base, row)
-        rows = len(range(max(row - TICKS_AROUND, 0), row + TICKS_AROUND))
-        assert (scale.halvings, scale.jump, scale.follows_hand) == (0.0, float(row), True)
-        assert scale.spread == pytest.approx(STEP * (rows - 1))
-        assert scale.hip_step == pytest.approx(STEP)
-        coarser = Scale(0.0, 1.0, 1.0, 8.0 * STEP, True)
-        assert self.measured(base, row, (coarser,)).halvings == pytest.approx(3.0)
-
-    @pytest.mark.parametrize(("moves", "follows"), [(2, False), (3, True)])
-    def test_a_tool_follows_that_moves_in_more_than_half_of_the_steps_in_which_the_hand_is_led(self, moves, follows):
-        """The hand is led in four steps, to rows 99 to 102."""
-        rows, led = np.arange(200), [99, 100, 101, 102]
-        along, tool = (STEP * np.cumsum(np.isin(rows, steps)) for steps in (led, led[:moves]))
-        hip = np.column_stack([along, np.full(200, -1e-3)])
-        assert self.measured(recorded(hip, np.column_stack([tool, np.zeros(200)])), 100).follows_hand is follows
-
-
-class TestTheSameWay:
-    """A coarse way of 20 rows, of which rows 6 to 12 are run again in steps of a quarter."""
-
-    FIRST, LAST, BEGIN, FACTOR = 10, 12, 6, 4
-
-    def leads(self, *, contact=None, aside=0.0):
-        coarse = slide(count=20, depth=STEP)
-        rows = (self.LAST - self.BEGIN) * self.FACTOR + 1
-        along = np.concatenate([STEP * (self.BEGIN + np.arange(rows) / self.FACTOR), [STEP * self.LAST] * 3])
-        hip = np.column_stack([along, np.full(along.size, -STEP)])
-        more = {} if contact is None else {"contact": np.resize(contact, along.size)}
-        fine = recorded(hip, np.column_stack([along + aside, np.zeros(along.size)]), 0.0 * hip, **more)
-        above = np.zeros(20, dtype=bool)
-        above[self.FIRST : self.LAST + 1] = True
-        return _leads_the_same_way(
-            Observed(coarse, LINE), Observed(fine, LINE), above, (self.FIRST, self.LAST, self.BEGIN), 1e-9
-        )
-
-    def test_finer_steps_along_it_stand_for_it_and_those_beside_do_not(self):
-        assert self.leads()
-        assert self.leads(aside=0.5 * STEP)
-        assert not self.leads(aside=20.0 * STEP)
-
-    def test_a_way_without_two_samples_in_contact_in_a_row_stands_for_none(self):
-        assert self.leads(contact=[1.0, 1.0, 0.0])
-        assert not self.leads(contact=[1.0, 0.0])
-
-    def passes(self, at_begin, at_end, *, off=0.0, lengths=()):
-        """Whether a way that is far off but for two fine rows passes by both ends of the step to row 10."""
-        coarse = np.column_stack([np.arange(13.0), np.zeros(13)])
-        fine = np.full((28, 2), 100.0)
-        fine[at_begin] = coarse[9] + [0.0, off]
-        fine[at_end] = coarse[10]
-        long = np.zeros(28)
-        for row in lengths:
-            long[row] = 0.5
-        return bool(_passes_by(coarse, fine, np.ones(28, dtype=bool), long, np.array([10]), 0, 2, 1e-3))
-
-    @pytest.mark.parametrize(("row", "passes"), [(11, False), (12, True), (23, True), (24, False)])
-    def test_it_passes_by_from_a_lag_before_the_step_to_a_lag_behind(self, row, passes):
-        """Of two fine rows a step: from row 9 - 3 to as many fine rows as are granted behind row 10."""
-        assert self.passes(row, 20) is passes
-        assert self.passes(18, row) is passes
-
-    @pytest.mark.parametrize(
-        ("off", "row", "passes"), [(0.4, 15, True), (0.6, 15, False), (0.4, 11, False), (0.4, 24, False)]
-    )
-    def test_as_close_as_the_longest_step_there(self, off, row, passes):
-        assert self.passes(18, 20, off=off, lengths=[row]) is passes
 
 
 class TestContinuity:
@@ -160,21 +59,6 @@ class TestContinuity:
             == coarsened_slope(Observed(whole, LINE), 12)
             == pytest.approx(0.0, abs=0.1)
         )
-
-    @pytest.mark.parametrize(("first", "last", "told"), [(3, 20, False), (4, 20, True), (4, 16, False), (4, 17, True)])
-    def test_an_ihip_off_the_surface_is_told_where_the_contact_is_had_for_a_lag_to_either_side(self, first, last, told):
-        """Off by two steps in row 13, in contact from row 10 - `first` ... to row `last` - 1, of 20."""
-        rows = np.arange(20)
-        contact = (rows >= 14 - first) & (rows < last)
-        hip = np.column_stack([STEP * rows, np.full(20, -1e-3)])
-        ihip = np.where(contact[:, np.newaxis], hip * [1.0, 0.0], hip)
-        ihip[13, 1] = 2.0 * STEP
-        base = recorded(hip, ihip, 0.0 * hip, contact=contact.astype(float), meta={"source": "playback"})
-        finding = _find_off_surface(Observed(base, LINE))
-        assert (finding is not None) is told
-        if finding is not None:
-            assert finding.evidence["tick"] == 13
-            assert finding.metric.value == pytest.approx(2.0 * STEP)
 
     @pytest.mark.parametrize("depth", [0.02, 0.05])
     def test_under_a_bend_of_one_sampling_alone_steps_are_stretched_by_the_depth(self, depth):
@@ -204,39 +88,6 @@ class TestContinuity:
         ihip[6 * factor :, 0] += jump
         return changed(base, ihip=ihip, hip=base.hip + np.array([aside, 0.0]))
 
-    def test_a_jump_that_the_finer_steps_do_not_add_up_to_is_of_one_rate_alone(self):
-        base = self.jumping()
-        assert _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4), LINE), 4, 6) is None
-        finding = _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=0.0), LINE), 4, 6)
-        assert "at 4 times the rate it does not" in finding.message
-        assert finding.metric.value == pytest.approx(5e-3 + STEP)
-        # 5.1 mm less what three steps explain; four of the finer steps have to be as long together
-        just, nearly = ((share * (5.1e-3 - 3.0 * STEP) - STEP) / 4.0 for share in (1.01, 0.99))
-        assert _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=just), LINE), 4, 6) is None
-        assert (
-            _fault_of_sibling(Observed(base, LINE), Observed(self.jumping(factor=4, jump=nearly), LINE), 4, 6)
-            is not None
-        )
-        assert (
-            _fault_of_sibling(
-                Observed(base, LINE), Observed(self.jumping(factor=4, jump=0.0, aside=4.0 * STEP), LINE), 4, 6
-            )
-            is None
-        )
-        short = changed(self.jumping(factor=4, jump=0.0), rows=slice(0, 24))
-        assert _fault_of_sibling(Observed(base, LINE), Observed(short, LINE), 4, 6) is None, (
-            "it ends before the step does"
-        )
-
-    def test_a_finer_run_that_lets_go_at_the_jump_is_told(self):
-        base, fine = self.jumping(), self.jumping(factor=4)
-        gone = np.arange(len(fine)) >= 22
-        ihip = np.where(gone[:, np.newaxis], fine.hip, fine.ihip)
-        finding = _fault_of_sibling(
-            Observed(base, LINE), Observed(changed(fine, ihip=ihip, force=1000.0 * (ihip - fine.hip)), LINE), 4, 6
-        )
-        assert "it lets go there" in finding.message
-
     @pytest.mark.parametrize(("late", "raised"), [(0, True), (3, True), (4, False)])
     def test_a_step_is_one_of_pieces_that_slide_to_a_hand_of_up_to_three_ticks_ago(self, late, raised):
         """The pieces lead to 5 mm beside where the hand was `late` ticks ago, and to a metre away for any other."""
@@ -253,41 +104,6 @@ class TestContinuity:
         assert np.all(np.delete(answer, 6) == 3.0 * STEP)
 
 
-@pytest.mark.parametrize(("steps", "below"), [(1.9, True), (2.1, False)])
-def test_a_look_is_settled_by_a_jump_and_below_single_precision_by_anything(steps, below):
-    resolved = 1e-9
-    scales = (Scale(0.0, 1.0, 1.0, steps * resolved, True),)
-    steep, jump = (RoughPlace(kind, 5, 1e-3, 0.0, scales) for kind in (Remains.STEEP, Remains.STAYS))
-    base = slide(count=20)
-
-    def look():
-        return _Look(None, Observed(base, LINE), np.ones(20), int, scales, resolved_step=resolved)
-
-    assert look().is_settled_by(jump)
-    for place in (None, steep):
-        one = look()
-        assert one.below_single is below
-        assert one.is_settled_by(place) is below
-    first = _Look(None, Observed(base, LINE), np.ones(20), int, resolved_step=resolved)
-    assert not first.below_single
-
-
-@pytest.mark.parametrize(
-    ("kinds", "index"),
-    [(("steep", None, "steep"), 0), ((None, "steep", "stays"), 2), (("steep", "unresolved", "stays"), 1)],
-)
-def test_the_first_place_that_is_steep_counts_where_no_other_decides(monkeypatch, kinds, index):
-    places = [kind and RoughPlace(Remains(kind), tick, 1e-3, 0.0, ()) for tick, kind in enumerate(kinds)]
-    answers = iter(places)
-    monkeypatch.setattr(_JumpSearch, "_look_into", lambda *_: next(answers))
-    base = slide(count=40)
-    bounds = np.full(40, 2.0 * STEP)
-    bounds[[5, 15, 25]] = 0.5 * STEP
-    search = _JumpSearch(Observed(base, LINE), 0.0)
-    look = _Look(None, Observed(base, LINE), bounds, int, resolved_step=search.resolved_step)
-    assert search.first_place_in(look) is places[index]
-
-
 class TestCorners:
     def test_the_angle_to_a_direction_is_unsigned(self):
         vectors = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, -3.0], [-2.0, 0.0], [0.0, 0.0]])
@@ -301,15 +117,6 @@ class TestCorners:
         (corner,) = (corner for corner in corners if corner.s == place)
         assert length_to_next_corner(boundary, corner) == length
         assert length_to_next_corner(SimpleNamespace(corners=[corner], girth=10.0), corner) == 10.0
-
-    @pytest.mark.parametrize(("under", "above"), [(-2e-9, True), (-0.5e-9, False), (0.5e-9, False)])
-    def test_a_tool_is_on_a_face_that_its_hand_was_above(self, under, above):
-        base, depths = slide(), np.full(12, 1e-3)
-        depths[2] = under
-        elsewhere = np.array([1.0, 0.0])
-        assert _comes_from_outside(base, LINE.model.boundary, 3, depths, elsewhere, 1e-9) is above
-        assert _comes_from_outside(base, LINE.model.boundary, 3, depths, np.array([0.0, 1.0]), 1e-9), "or the nearest"
-        assert not _comes_from_outside(base, LINE.model.boundary, 0, -depths, elsewhere, 1e-9), "at the first row"
 
     @pytest.mark.parametrize(("tick", "jump"), [(0, 0.0), (1, 1e-3), (2, 2e-3), (3, 7e-3)])
     def test_the_nearest_point_moves_since_the_tick_before(self, tick, jump):
@@ -378,22 +185,8 @@ class TestUnderTheHand:
         foot = hip * [1.0, 0.0]
         for row, jump in feet:
             foot[row:, 0] += jump
-        rows, doubt = _followed_rows(Observed(base, LINE), foot, hip[:, 1])
+        rows, doubt = followed_rows(Observed(base, LINE), foot, hip[:, 1])
         return np.flatnonzero(rows).tolist(), doubt
-
-    def test_a_contact_follows_from_where_the_hand_comes_in(self):
-        rows, doubt = self.followed()
-        assert rows == list(range(3, 14))
-        assert not doubt.any()
-
-    @pytest.mark.parametrize(("depth", "known"), [(4.0, True), (4.5, False)])
-    def test_as_near_to_the_surface_as_three_steps(self, depth, known):
-        """The way in goes aslant, by sqrt 2 steps a tick: three are 4.24 steps."""
-        assert (self.followed(depth=depth)[0] != []) is known
-
-    @pytest.mark.parametrize(("source", "known"), [("playback", True), ("file", False)])
-    def test_of_a_contact_that_a_log_begins_with_it_is_not_known(self, source, known):
-        assert (self.followed(first=0, source=source)[0] == list(range(14))) is known
 
     @pytest.mark.parametrize(("jump", "last"), [(0.9 * STEP, 13), (1.1 * STEP, 7)])
     def test_up_to_where_the_nearest_point_jumps_by_more_than_twice_the_hand_s_step(self, jump, last):
@@ -411,8 +204,8 @@ class TestUnderTheHand:
         ihip = np.array(hip)
         ihip[5] = hip[2] + np.array([outside * ways, 0.0])
         base = recorded(hip, ihip, meta={"source": "playback"})
-        assert _may_begin_at_ihip(Observed(base, LINE), hip[:, 1], 5) is begins
-        assert not _may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
+        assert may_begin_at_ihip(Observed(base, LINE), hip[:, 1], 5) is begins
+        assert not may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
 
 
 def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
@@ -421,16 +214,6 @@ def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
     ihip, force = np.maximum(hip, 0.0), np.tile([0.0, 1.0], (12, 1))
     assert not Observed(recorded(hip, ihip, force), LINE).lacks_ihip
     assert Observed(recorded(hip, hip, force), LINE).lacks_ihip
-
-
-@pytest.mark.parametrize(("rows", "rests"), [(slice(0, 1), [1, 2, 3]), (slice(2, 4), [4, 5, 6]), (slice(0, 0), [])])
-def test_a_late_contact_point_rests_for_three_ticks_where_the_contact_ended(rows, rests):
-    contact = np.zeros(9)
-    contact[rows] = 1.0
-    hip = np.tile([0.0, 1e-3], (9, 1))
-    base = recorded(hip, 0.0 * hip, 0.0 * hip, contact=contact)
-    late = np.flatnonzero(_rests_where_contact_ended(Observed(base, LINE), np.full(9, 1e-9)) & (contact == 0.0))
-    assert late.tolist() == rests
 
 
 def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():

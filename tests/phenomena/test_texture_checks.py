@@ -16,7 +16,7 @@ from hapticeval.documents import convert
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
-from hapticeval.phenomena.checks.texture import _steady_spans, spectrum_bound, welch_of
+from hapticeval.phenomena.checks.texture import spectrum_bound, welch_of
 from hapticeval.phenomena.decisions import WELCH_WINDOW
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
@@ -265,10 +265,3 @@ def test_of_several_stretches_the_one_farthest_beyond_its_own_bound_is_named():
     assert max(offs, key=offs.__getitem__) == 4.0
     assert finding.evidence["force_N"] == 2.0
     assert finding.message.startswith("at 0.00504 m/s and 2 N the rms is -0.8"), finding.message
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_spans_of_a_steady_force_end_where_it_changes_whether_it_pushes_or_pulls(sign):
-    press = sign * np.array([5.0, 5.04, 4.96, 6.0, 6.0, 6.0, 6.0])
-    sliding = np.arange(7) != 5
-    assert _steady_spans(np.ones(7), press, sliding) == [(0, 3), (3, 5), (6, 7)]

@@ -51,7 +51,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     slower = SLOWER_SPEEDS if runs.at_speed is not None else ()
     # Slower runs tell v^2 from what else the error may grow with.
     everything = [base, *(Observed(runs.at_speed(factor), scene) for factor in slower if runs.at_speed is not None)]
-    terms = [_regression_terms(recording) for recording in everything]
+    terms = [regression_terms(recording) for recording in everything]
     cost = np.concatenate([term.cost for term in terms])
     if cost.size < FIT_SAMPLES:
         return undecided("the tool hardly touches the surface")
@@ -60,7 +60,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return not_applicable("the tool does not slide over a curved surface")
     error, push = (np.concatenate([getattr(term, name) for term in terms]) for name in ("error", "push"))
     # block_diag: each run rings with a phase of its own.
-    share, deviation = _fit_share(error, push, cost, block_diag(*(term.rings for term in terms)))
+    share, deviation = fit_share(error, push, cost, block_diag(*(term.rings for term in terms)))
     # In the time that a force is held the normal turns by this angle, and so the force leans.
     bound = HOLD_TICKS * max(term.turning for term in terms) * base.dt
     ticks, tick = terms[0].ticks, int(np.argmax(base.contact))
@@ -73,10 +73,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "standard_error": deviation,
         "speeds": [1.0, *slower],
     }
-    at_zero = _missing_at_zero_error(base)
+    at_zero = missing_at_zero_error(base)
     if at_zero is not None:
         evidence["force_missing_at_zero_error"] = at_zero
-    evidence |= Facts(force_over_spring=_force_off_spring(base)).evidence
+    evidence |= Facts(force_over_spring=force_off_spring(base)).evidence
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = CHECK.measured(value)
@@ -109,7 +109,7 @@ def _unheld_tick(recording: Observed) -> int | None:
     return worst_row(np.where(free, distance, 0.0)) if np.mean(free) > TELLING_SHARE else None
 
 
-def _force_off_spring(recording: Observed) -> float | None:
+def force_off_spring(recording: Observed) -> float | None:
     """Return the force along the normal as a multiple of K_p times the depth, the median in contact, where it is off.
 
     That is, by a factor of two or more from the stiffness that a declared spring has; else None. What the scene's
@@ -133,7 +133,7 @@ def _force_off_spring(recording: Observed) -> float | None:
     return stiffness_ratio if is_off else None
 
 
-class _Terms(NamedTuple):
+class RegressionTerms(NamedTuple):
     """The columns of the regression of one run, with a row for each of its `ticks` (n,); errors are (n,), m, outwards.
 
     - `error`: the distance from the surface; `push`: the part of it that the operator's push makes.
@@ -151,7 +151,7 @@ class _Terms(NamedTuple):
     turning: float
 
 
-def _regression_terms(recording: Observed) -> _Terms:
+def regression_terms(recording: Observed) -> RegressionTerms:
     """Return the columns of the regression over the samples in contact, once the tool is under way."""
     scene = recording.scene
     frame = recording.nearest
@@ -170,7 +170,7 @@ def _regression_terms(recording: Observed) -> _Terms:
     judged = judged & _under_way(recording, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
     rings = _ringing_columns(recording.time[judged], scene)
-    return _Terms(np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest)
+    return RegressionTerms(np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest)
 
 
 def _after_strike(bearing: BoolArray) -> BoolArray:
@@ -240,7 +240,7 @@ def _normal_turning(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]
     return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
 
 
-def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
+def fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
     """Return a and its standard error in error = a cost + b push + c + what rings, by least squares.
 
     All columns are (n,), m; what rings (n, k). Samples of one oscillation are not independent, so that the degrees of
@@ -263,7 +263,7 @@ def _fit_share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[fl
     return float(solution[0]), float(np.sqrt(max(variance, 0.0)))
 
 
-def _missing_at_zero_error(recording: Observed) -> float | None:
+def missing_at_zero_error(recording: Observed) -> float | None:
     """Return the share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
     There the position error is zero, so the force must be the centripetal one alone (3.8).

@@ -206,7 +206,7 @@ def _judge_refined(base: Observed, refine: Callable[[int], Observed], tick: int 
             break
     evidence["slope"] = slope
     # A jump that stays is the finest one; of what shrinks only the limit is left.
-    remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else _limit_of_jumps(jumps)
+    remaining = jumps[-1] if slope < JUMP_SLOPE or jumps[-1] <= bound else limit_of_jumps(jumps)
     metric = CHECK.measured(remaining)
     where = f"{mm(remaining)} at {base.time_and_hip(tick)}"
     if remaining > bound:
@@ -348,7 +348,7 @@ def _shrinking_slope(jumps: list[float]) -> float:
     return -float(np.polyfit(halvings, np.log2(jumps), 1)[0])
 
 
-def _limit_of_jumps(jumps: list[float]) -> float:
+def limit_of_jumps(jumps: list[float]) -> float:
     """Return what is left of `jumps` (m) at infinite refinement, within [0, finest].
 
     Nothing, where jump = c r^k fits all to a tenth; else jump = limit + c r^k through the last three (Aitken).

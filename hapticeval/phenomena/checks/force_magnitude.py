@@ -52,7 +52,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     pressed_ticks = find_pressed_ticks(base)
     measured = [measure_stiffness(base, pressed_ticks, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits best.
-    finding = _finding(base, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
+    finding = judge_stiffness(base, min(measured, key=lambda stiffness: misfit_of(stiffness, base)), level)
     if base.stiffness_range is not None and finding.outcome is not Outcome.FAIL:
         two_forces = _judge_two_forces(runs, base)
         if two_forces is not None:
@@ -80,7 +80,7 @@ def _judge_two_forces(runs: Runs, base: Observed) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, two.allowed, evidence, Level.MUST)
 
 
-def _misfit(measured: ApparentStiffness, base: Observed) -> tuple[float, bool, float, float]:
+def misfit_of(measured: ApparentStiffness, base: Observed) -> tuple[float, bool, float, float]:
     """Rank how ill a law fits: beyond the declared range, with nothing clear, in more ticks, by a larger excess."""
     coarse = float(measured.beyond(base.stiffness_range or UNDECLARED_RANGE, measured.allowed_in_lag).max(initial=0.0))
     clear = measured.rows(measured.allowed <= TELLING_SHARE)
@@ -115,14 +115,14 @@ def _without_ihip(base: Observed) -> Finding:
     low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
     measured = ApparentStiffness(ticks, shares[0], low, high, allowed, allowed, late[0], rate, begins)
     note = "no IHIP was given: measured against the depth of the HIP under the model"
-    finding = _finding(base, measured.rows(late[0] > 0.0), Level.SHOULD)
+    finding = judge_stiffness(base, measured.rows(late[0] > 0.0), Level.SHOULD)
     if finding.outcome is Outcome.PASS and not no_tool:
         message = f"the force is nowhere too small for its depth; {note}, which does not show one that is too large"
         return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message)
     return replace(finding, message=f"{finding.message} ({note})")
 
 
-def _finding(base: Observed, measured: ApparentStiffness, level: Level) -> Finding:
+def judge_stiffness(base: Observed, measured: ApparentStiffness, level: Level) -> Finding:
     """Judge by the must first, over all samples, and then to what is allowed where that is little."""
     shares = base.stiffness_range or UNDECLARED_RANGE
     outside = _excess_felt(base, measured, measured.beyond(shares, measured.allowed_in_lag))

@@ -86,7 +86,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     base, friction = runs.observed(scene), scene.effect(FRICTION)
     # A tool that slides sticks again at the share `stick` of the kinetic cone, and may slide above that: below it, and
     # below what any friction holds, it has surely stuck. `slips` are the ticks in which it then begins to slide.
-    slips = _break_away_ticks(base, surface_force, min(STICKING_SHARE, friction.stick) * friction.mu_k)
+    slips = break_away_ticks(base, surface_force, min(STICKING_SHARE, friction.stick) * friction.mu_k)
     # 1 on the edge of the static cone (4.18)
     share = surface_force.share_of_cone(friction.mu_s)
     # In the tick before, of a channel that is late too, the hand was a step less far, or two where that is between two.
@@ -126,7 +126,7 @@ def judge_break_away(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> F
     )
 
 
-def _break_away_ticks(base: Observed, surface_force: SurfaceForce, surely: float) -> IntArray:
+def break_away_ticks(base: Observed, surface_force: SurfaceForce, surely: float) -> IntArray:
     """Return the ticks in which a tool that has stuck begins to slide, away from corners.
 
     It has stuck when it rested for longer than the granted lag, and was pulled by less than the share `surely` of F_n.

@@ -107,8 +107,8 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     # Work of the hand by the trapezoid: -F . dx
     mean = 0.5 * (base.force[1:] + base.force[:-1])
     put_in = -np.sum(mean * moved, axis=1)
-    dissipated, doubt = _dissipated_work(base, surface_force, moved)
-    stored = _stored_energy(base, surface_force)
+    dissipated, doubt = dissipated_work(base, surface_force, moved)
+    stored = stored_energy(base, surface_force)
     lap_works = []
     for start, stop in spans:
         law_work = float(dissipated[start:stop].sum())
@@ -139,7 +139,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
     )
 
 
-def _dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) -> tuple[Array, Array]:
+def dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
     scene = base.scene
     dissipated = np.zeros(len(moved))
@@ -174,7 +174,7 @@ def _dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) 
     return dissipated, doubt
 
 
-def _stored_energy(base: Observed, surface_force: SurfaceForce) -> Array:
+def stored_energy(base: Observed, surface_force: SurfaceForce) -> Array:
     """Return the elastic energy of the spring between tool and hand at each tick, F^2 / (2 K): (n,), J."""
     scene = base.scene
     if scene.effect(FRICTION) is None:

@@ -34,7 +34,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     window = base.boundary.closest_point(base.ihip[struck : end + 1])
     turning = _speed_by_turning(base, window, slice(struck, end + 1))
     # What the operator adds before the tool is met is part of what has to be taken out.
-    before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
+    before, inwards = operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
     slower, faster = ((1.0 + scene.restitution) * impulse for impulse in (before[1], -before[0]))
     if slower > UNKNOWN_MOMENTUM * required:
         return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
@@ -172,7 +172,7 @@ def _operator_impulses(recording: Observed, normal: Array) -> Array:
     return np.asarray(recording.channels["operator_force"] @ normal) * recording.dt
 
 
-def _operator_until_met(recording: Observed, impulses: Array, struck: int) -> tuple[float, float]:
+def operator_until_met(recording: Observed, impulses: Array, struck: int) -> tuple[float, float]:
     """Return the least and the largest impulse (N s, outwards) of the operator between sample `struck` and the contact.
 
     A rigid tool is met within the tick after it: before, the operator pushes as in the tick before, and as the change

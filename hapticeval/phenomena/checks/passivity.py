@@ -195,7 +195,7 @@ def _judge(
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
     # First the limit of fast sampling, then what sampling at this rate may add.
-    finding = _judge_law(base, gains, telling)
+    finding = judge_law(base, gains, telling)
     if finding.outcome is Outcome.FAIL:
         return finding, _worst(telling).span
     at_own_rate = _at_own_rate(base, sampled, find_closed_paths(sampled.free))
@@ -238,7 +238,7 @@ def _worst(telling: Sequence[Gain]) -> Gain:
     return worst_of(telling, lambda gain: gain.excess)
 
 
-def _judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
+def judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
     """Judge the limit to which refinement leads, J."""
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")

@@ -31,13 +31,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
         )
     top = float(motion.foot_speed.max())
-    remains = richardson_two_level(runs, scene, _unexplained_velocity)
+    remains = richardson_two_level(runs, scene, unexplained_velocity)
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = worst_row(excess)
     metric = CHECK.measured(excess[tick])
     bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
     bound = bound / top + SHARE_ROUNDING
-    viscosity = _apparent_viscosity(motion)
+    viscosity = apparent_viscosity(motion)
     evidence: dict[str, object] = {
         **base.evidence_at(tick),
         "assigned_viscosity_kg_s": scene.viscosity,
@@ -50,12 +50,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
         f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned"
-        f"{_describe_unexplained(motion, remains.values, viscosity, tick)}"
+        f"{describe_unexplained(motion, remains.values, viscosity, tick)}"
     )
     return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
 
 
-def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
+def describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
     """Say what the unexplained velocity, (n, N - 1), m/s, is like: another viscosity (kg/s) where that makes most."""
     moved = motion.components(motion.foot_velocity)[: len(unexplained)]
     assigned = motion.base.scene.viscosity
@@ -68,7 +68,7 @@ def _describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: 
     return f": by t = {motion.base.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
 
 
-def _apparent_viscosity(motion: SurfaceMotion) -> float:
+def apparent_viscosity(motion: SurfaceMotion) -> float:
     """Return b (kg/s) that explains the loss of speed best: least squares of p'' - push / m = -(b / m) p', integrated.
 
     The sum of p' . dp' is half the change of |p'|^2, so that no derivative is taken.
@@ -95,7 +95,7 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
     return along if motion.base.scene.senses_force else motion.pulled_back(along)
 
 
-def _unexplained_velocity(recording: Observed) -> Array:
+def unexplained_velocity(recording: Observed) -> Array:
     """Return the velocity that nothing assigned explains, in transported bases: (n, N - 1), m/s.
 
     That is p'(t) - p'(0) less the integral of the assigned acceleration: -(b_d / m) p' (7.18), and what the hand adds.

@@ -1,6 +1,6 @@
 """Jumps of the IHIP: where a recording has any, and which of them stay when their place is looked at in finer steps.
 
-1. `_suspect_stretches` finds the ticks at which the IHIP moves farther than its bound.
+1. `suspect_stretches` finds the ticks at which the IHIP moves farther than its bound.
 2. `_JumpSearch` runs each stretch again in 4, 4 and then up to 64 parts of a tick. `_leads_the_same_way` makes sure
    that the finer run follows the coarse one, before it is trusted.
 3. `_judge_scales` reads off how the IHIP's spread falls with the HIP's step h: where it does not fall the jump STAYS;
@@ -261,7 +261,7 @@ class _Look:
         # Below single precision even a true jump may look smeared: from here on all scales of a place decide.
         self.below_single = bool(scales) and scales[-1].hip_step < 2.0 * resolved_step
         longest = ROWS_OF_A_LOOK // (FEW_PARTS if len(scales) < 2 else MANY_PARTS)
-        self.stretches = _suspect_stretches(self.steps, bounds, longest)
+        self.stretches = suspect_stretches(self.steps, bounds, longest)
 
     def is_settled_by(self, place: RoughPlace | None) -> bool:
         """Return whether no more stretches are to be looked into after one in which finer steps leave `place`."""
@@ -344,7 +344,7 @@ def _sub_steps(depth: int, hip_step: float, resolved_step: float) -> int:
     return MANY_PARTS if room < 2.0 or room > MANY_PARTS else 2 ** int(math.log2(room))
 
 
-def _suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
+def suspect_stretches(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
     """Yield first and last row of stretches, of at most `longest` rows, whose steps (n,), m, are above their bounds.
 
     The one with the largest step comes first. Steps a few ticks apart are one stretch, for a proxy may move in every

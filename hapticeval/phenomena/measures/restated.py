@@ -79,13 +79,13 @@ def apart_beside_ties(runs: Runs, apart_from: Callable[[Observed], Array], reach
 def _nudged_runs(runs: Runs, reach: float, scene: Scene) -> Iterator[Observed]:
     """Yield the runs with the hand off by `reach` (m) on its whole way, and by a quarter of that, if not refused."""
     identity = scaling(1.0, scene.model.dimension)
-    for nudge in reach * _directions(scene.model.dimension):
+    for nudge in reach * nudge_directions(scene.model.dimension):
         near = required(runs.moved)(identity, tuple(nudge.tolist()))
         if near is not None:
             yield Observed(near, scene)
 
 
-def _directions(dimension: int) -> Array:
+def nudge_directions(dimension: int) -> Array:
     """Return unit vectors along the axes and the diagonals, and the same at a quarter of the length: (k, N)."""
     signs = np.array([sign for sign in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(sign)])
     units = signs / np.linalg.norm(signs, axis=1, keepdims=True)

@@ -34,7 +34,7 @@ def find_aside(base: Observed) -> Finding | None:
     """
     feet = base.nearest
     depth = np.abs(feet.distance)
-    judged, branch_doubt = _followed_rows(base, feet.foot, feet.distance)
+    judged, branch_doubt = followed_rows(base, feet.foot, feet.distance)
     if not judged.any():
         return None
     across = base.across_allowed
@@ -73,7 +73,7 @@ def _excuse_rigid_tool(base: Observed, feet: ClosestPoint, aside: Array, allowed
         before, entry = base.hip[max(first - 1 - LAG_TICKS, 0)], base.hip[first]
         crossing = boundary.first_crossing(before, entry, grain=step)
         starts = [feet.foot[first] if crossing is None else crossing]
-        if _may_begin_at_ihip(base, feet.distance, first):
+        if may_begin_at_ihip(base, feet.distance, first):
             starts.append(base.ihip[first])
         for start in starts:
             tools = [start]
@@ -86,7 +86,7 @@ def _excuse_rigid_tool(base: Observed, feet: ClosestPoint, aside: Array, allowed
                 aside[first + row] = min(aside[first + row], distance)
 
 
-def _may_begin_at_ihip(base: Observed, distance: Array, first: int) -> bool:
+def may_begin_at_ihip(base: Observed, distance: Array, first: int) -> bool:
     """Return whether a rigid tool may be where the IHIP is in row `first`, in which a contact is seen first.
 
     A hand that comes in through an edge itself enters by either face. A tool that began with it there has moved no
@@ -100,7 +100,7 @@ def _may_begin_at_ihip(base: Observed, distance: Array, first: int) -> bool:
     return off <= moved + base.across_allowed
 
 
-def _followed_rows(base: Observed, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
+def followed_rows(base: Observed, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
     """Return in which rows a contact has followed the hand's nearest point since it began, and how far it may be off.
 
     `feet` (n, N), m, are the model's points nearest to the HIPs, and `distance` (n,), m, is signed. A contact follows
