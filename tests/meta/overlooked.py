@@ -278,7 +278,9 @@ OVERLOOKED: Mapping[str, Overlooked] = {
     "pulls-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "contact-kept", FREE),
     "draws-in-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by"),
     "pushes-from-afar": Overlooked(spoiled(pushes_from_afar), PRESSES, "contact-kept", FREE),
-    "touches-outside": Overlooked(spoiled(touches_outside), PRESSES, "contact-kept", FREE),
+    "touches-outside": Overlooked(
+        spoiled(touches_outside), PRESSES, "contact-kept", FREE + ".* outside of .*, with the tool 2 mm away from it"
+    ),
     "one-way": Overlooked(
         promising(one_way(0.57, 1.75), **VARIES),
         (*PRESSES, "solids/nut-rim", "solids/pebble"),

@@ -186,6 +186,7 @@ def test_a_hand_that_is_met_on_one_of_two_ways_alone_has_two_answers(free):
     finding = found("memoryless", Runs(ways[0], reverse=lambda: changed(ways[1])), LINE)
     assert finding.outcome is FAIL
     assert finding.metric.value == pytest.approx(1e-3, rel=0.1)
+    assert "1 mm apart, by the way it was reached (100 per cent of the HIPs)" in finding.message
 
 
 @pytest.mark.parametrize(("count", "decides"), [(QUIET_SAMPLES - 1, False), (QUIET_SAMPLES, True)])

@@ -246,6 +246,8 @@ class TestRenewal:
     def test_it_calls_for_none_along_a_face_nor_where_the_tool_goes_along(self):
         assert not calls_for_another_force(Observed(changed(slide(), meta={"source": "playback"}), LINE)).any()
         assert not calls_for_another_force(Observed(self.sinking(1e-4, follows=True), LINE)).any()
+        alone = changed(slide(), ihip=slide().hip, meta={"source": "playback"})  # a force and no contact point
+        assert not calls_for_another_force(Observed(alone, LINE)).any()
 
     def test_a_log_s_forces_are_told_apart_by_a_step_in_each_component(self):
         base = self.sinking(1e-4, count=400)
