@@ -12,6 +12,7 @@ it would answer calls as well. One that hangs writes its stack at a signal befor
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import faulthandler
 import math
 import multiprocessing
@@ -62,6 +63,9 @@ PRINTED_KEPT = 1 << 16
 
 PRINTED_READS = 16
 """Readings of that pipe before anything else is looked at: a renderer may print without end."""
+
+STRAY_WORDS = "by what an earlier call left running in this process, before this one began"
+"""What stands before such text: who waits for no thread of its own prints between two calls."""
 
 SERIAL_SIZE = 8
 """Bytes before a call and before its answer: its number among what was sent."""
@@ -212,6 +216,7 @@ class _Printed:
         self._source = source
         self._tail = b""
         self._count = 0
+        self._stray = ""
 
     def fileno(self) -> int:
         """Return the descriptor of the pipe, to wait for."""
@@ -232,8 +237,18 @@ class _Printed:
             self._tail = (self._tail + piece)[-PRINTED_KEPT:]
         return True
 
+    def begin_call(self) -> None:
+        """Set apart what came since the last answer: a thread that an earlier call left has printed it."""
+        self._stray = self._take()
+
     def take(self) -> str:
-        """Return what a call has printed, and begin with nothing."""
+        """Return what a call has printed, after what came before it began and is said to; begin with nothing."""
+        text, stray, self._stray = self._take(), self._stray, ""
+        if not stray:
+            return text
+        return f"({STRAY_WORDS})\n{stray.rstrip()}\n(in this call)\n{text}"
+
+    def _take(self) -> str:
         self.read()
         text, left_out = self._tail.decode(errors="replace"), self._count - len(self._tail)
         self._tail, self._count = b"", 0
@@ -390,6 +405,8 @@ class Workers(Generic[T]):
             worker = self._idle.pop() if self._idle else self._new()
             # What the call before left there is not of this one. Before it is sent: the worker may answer at once.
             worker.pending_step[0] = 0
+            if worker.printed is not None:
+                worker.printed.begin_call()
             try:
                 worker.pipe.send_bytes(serial + bytes(ForkingPickler.dumps(arguments)))
             except OSError:  # it ended while it had nothing to do
@@ -589,9 +606,19 @@ def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]
             result = _call_result(lambda: function(*pickle.loads(received[SERIAL_SIZE:])))  # noqa: B023 - called at once
             if pipe.closed:
                 os._exit(0)  # a copy that came back from the call: the answer is its parent's to give
+            _flush_printed()
             pipe.send_bytes(received[:SERIAL_SIZE] + _pickled_answer(*result))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
+
+
+def _flush_printed() -> None:
+    """Send on what Python and C hold back of what they print into a pipe: else it would come with a later answer."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):  # a renderer may have put anything there
+            stream.flush()
+    with contextlib.suppress(Exception):  # where the system's C library is not that of this process
+        ctypes.CDLL(None).fflush(None)
 
 
 _answering: list[Connection] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import linecache
 import os
 import pickle
@@ -10,6 +11,7 @@ import select
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -55,6 +57,14 @@ def act(what, *more):
     if what == "print and die":
         os.write(1, b"on the way out\n")
         os._exit(3)
+    if what == "hold back":
+        # Neither Python nor C sends a line on before it ends, or there are 4 kB of it.
+        print("by Python; ", end="")
+        ctypes.CDLL(None).printf(b"by C; ")
+        return None
+    if what == "print later":
+        threading.Timer(more[0], lambda: os.write(1, b"too late\n")).start()
+        return None
     if what == "chatter":
         while True:
             os.write(1, b"again and " * 1000)
@@ -153,6 +163,26 @@ def test_what_a_process_prints_comes_with_its_answer_and_goes_nowhere_else(capfd
     assert workers.PRINTED_KEPT < len(large.printed) < workers.PRINTED_KEPT + 100
     assert large.printed.startswith(f"({10**6 + 15 - workers.PRINTED_KEPT:,} bytes before this are left out)\n")
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_held_back_comes_with_the_answer_of_its_call():
+    with Workers(act, 1, captures=True) as crew:
+        crew.begin(0, "hold back")
+        assert {*answered(crew, 1)[0].printed.split("; ")} == {"", "by Python", "by C"}
+        crew.begin(1, "double", 4)
+        assert answered(crew, 1)[1] == Answer(1, 8, None)
+
+
+def test_what_comes_between_two_calls_is_said_to_be_of_neither():
+    with Workers(act, 1, captures=True) as crew:
+        crew.begin(0, "print later", 0.05)
+        assert answered(crew, 1)[0].printed == ""
+        time.sleep(0.5)
+        crew.begin(1, "print", 3)
+        printed = answered(crew, 1)[1].printed
+        assert printed == f"({workers.STRAY_WORDS})\ntoo late\n(in this call)\n::error::\x1b[2J\nxxx\n"
+        crew.begin(2, "double", 4)
+        assert answered(crew, 1)[2] == Answer(2, 8, None)
 
 
 def test_who_prints_without_end_is_given_up_in_time():
