@@ -17,7 +17,7 @@ from hapticeval.errors import InputError, UnknownNameError, describe_error
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
-from hapticeval.runner.folder import locked_folder, remove_reports
+from hapticeval.runner.folder import COUNTEREXAMPLES, locked_folder, remove_reports
 from hapticeval.runner.known import Known, read_known
 from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, RunOptions, as_tuple, plan
@@ -531,7 +531,7 @@ def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
 
 def _read_counterexamples(folder: Path) -> list[Any]:
     """Return what a search into the folder counterexamples/ has left there, for the report; nothing without one."""
-    searched = folder / "counterexamples"
+    searched = folder / COUNTEREXAMPLES
     if not searched.is_dir():
         return []
     # Imported where there is something to show: most runs have no search beside them.

@@ -34,6 +34,7 @@ from hapticeval.reports.templates import (
     case_file,
     environment,
 )
+from hapticeval.runner.folder import LOCK
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 CASE_ASSETS = ("report.css", "case.css", "draw.js", "case.js")
@@ -289,7 +290,8 @@ def write_view(
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
-    is_empty = not any(folder.iterdir()) if folder.is_dir() else not folder.exists()
+    others = (path for path in folder.iterdir() if path.name != LOCK) if folder.is_dir() else ()
+    is_empty = not any(others) and (folder.is_dir() or not folder.exists())
     if not is_empty and not holds_earlier_view(folder):
         raise InputError(
             f"'{folder}' is not empty and holds no page of an earlier view",

@@ -295,6 +295,7 @@ def view(
       hapticeval view signal.svc --mapping handwriting.toml --model circle
     """
     from hapticeval.reports.case_page import write_view
+    from hapticeval.runner.folder import locked_folder
 
     files = [file] if other is None else [file, other]
     directory = directory or Path("-".join(["view", *(file_stem(one.stem) for one in files)]))
@@ -307,13 +308,14 @@ def view(
         title = f"Recordings {' and '.join(titles)}"
         runs = [run.called(name, title=title) for run, name in zip(runs, titles, strict=True)]
     reasons = list(dict.fromkeys(run.unjudged for run in runs if run.unjudged))
-    page = write_view(
-        directory,
-        [run.entry for run in runs],
-        {run.entry.renderer: run.recording for run in runs},
-        verdicts={run.entry.renderer: run.verdicts for run in runs},
-        note=" ".join(reasons),
-    )
+    with locked_folder(directory, for_results=False):
+        page = write_view(
+            directory,
+            [run.entry for run in runs],
+            {run.entry.renderer: run.recording for run in runs},
+            verdicts={run.entry.renderer: run.verdicts for run in runs},
+            note=" ".join(reasons),
+        )
     suspicions = [f"suspicious: {finding}" for run in runs for finding in run.suspicious]
     say(lines([*suspicions, *reasons, f"wrote {page}"]))
 

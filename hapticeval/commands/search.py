@@ -108,6 +108,7 @@ def search(
       hapticeval run found/constraint/continuous-contact.toml -r constraint
     """
     from hapticeval.files import plain
+    from hapticeval.runner.folder import COUNTEREXAMPLES, holds_results, locked_folder
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.seeds import Hunt
@@ -119,13 +120,20 @@ def search(
     if models and dimension is not None:
         raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
     model_tables = [plain(model_named(text).table, "model") for text in models or ()]
-    # What earlier searches kept is tried before anything is drawn.
-    known = read_all(directory) if directory.is_dir() else []
-    hunts = [
-        Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name), moving)
-        for name in names
-    ]
-    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+    # A report shows what lies here in its folder: searched, judged and reported there one at a time.
+    results = directory.parent if directory.name == COUNTEREXAMPLES and holds_results(directory.parent) else None
+    with (
+        locked_folder(results),
+        locked_folder(directory, for_results=False),
+        Interrupts(to_the_end=True) as interrupts,
+        Terminal() as terminal,
+    ):
+        # What earlier searches kept is tried before anything is drawn.
+        known = read_all(directory)
+        hunts = [
+            Hunt(name, check_ids, model_tables, known, seconds, examples, dimension or _default_dimension(name), moving)
+            for name in names
+        ]
 
         def interrupted() -> bool:
             return interrupts.count > 0

@@ -1,4 +1,4 @@
-"""The folder of a run or a bench: made, or recognised as one of ours; nothing else is ever written over."""
+"""The folder that a command writes into: made, or recognised as one of ours, and locked meanwhile."""
 
 from __future__ import annotations
 
@@ -28,21 +28,26 @@ LOCK = "run.lock"
 REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables")
 """What reports leave in a folder: the next run there removes them."""
 
+COUNTEREXAMPLES = "counterexamples"
+"""The folder of a search in a folder of results: reports show what lies there."""
+
 
 @contextmanager
-def locked_folder(directory: Path | None) -> Iterator[None]:
+def locked_folder(directory: Path | None, *, for_results: bool = True) -> Iterator[None]:
     """Make a folder for results, or take one that is empty or holds an earlier run or bench of ours, and lock it.
 
-    Within the block nothing else may write there. A folder that is made here and holds nothing at the end goes again.
-    Without one nothing is done.
+    Within the block no other command may write there. A folder that is made here and holds nothing at the end goes
+    again. Without one nothing is done. A folder that is not `for_results` may hold other files: who writes there says
+    which of them may be overwritten.
 
-    Raises `InputError` for a folder with other files, where nothing can be written, and where another run does.
+    Raises `InputError` for a folder with other files, where nothing can be written, and where another command does.
     """
     if directory is None:
         yield
         return
     # Before anything is made: a folder that is not ours stays untouched.
-    _check(directory)
+    if for_results or not directory.is_dir():
+        _check(directory)
     made = not directory.exists()
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -71,12 +76,17 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_let_go)
 
 
+def holds_results(directory: Path) -> bool:
+    """Whether a folder holds an earlier run or bench of ours."""
+    return any(_ours(directory / name) for name in DOCUMENTS)
+
+
 def _check(directory: Path) -> None:
     """Raise `InputError` for what is not a folder, and for a folder with files that are none of ours."""
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
     contents = {path.name for path in directory.iterdir()} - {LOCK} if directory.is_dir() else set()
-    if contents and not any(_ours(directory / name) for name in DOCUMENTS):
+    if contents and not holds_results(directory):
         raise InputError(
             f"'{directory}' is not empty and holds no results.json of an earlier run",
             why="files that hapticeval did not write are never overwritten",
@@ -121,8 +131,8 @@ def _lock_file(directory: Path) -> Iterator[None]:
     except FileExistsError as error:
         other = path.read_text(encoding="utf-8", errors="replace").strip()[:20]
         raise InputError(
-            f"another run writes into '{directory}': process {other}",
-            why="two runs in one folder would mix their results",
+            f"another command writes into '{directory}': process {other}",
+            why="two in one folder would mix what they write",
             todo=f"wait until it has ended, or name another folder with -o; if it was killed, remove {path}",
         ) from error
     except OSError as error:
@@ -140,8 +150,8 @@ def _lock(directory: Path, descriptor: int) -> None:
     except BlockingIOError as error:
         other = _locker(os.fstat(descriptor).st_ino)
         raise InputError(
-            f"another run writes into '{directory}'" + (f": process {other}" if other else ""),
-            why="two runs in one folder would mix their results",
+            f"another command writes into '{directory}'" + (f": process {other}" if other else ""),
+            why="two in one folder would mix what they write",
             todo="wait until it has ended, end it, or name another folder with -o",
         ) from error
     except OSError:

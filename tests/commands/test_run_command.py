@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hapticeval import __version__
@@ -18,6 +19,8 @@ from hapticeval.kernel_cache import kernel_folder
 from hapticeval.phenomena.inherent import limits_of
 from hapticeval.phenomena.pages import page_file, read_page
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.runner.folder import locked_folder
 from hapticeval.runner.results import RESULTS_FILE, read_results
 
@@ -214,10 +217,10 @@ def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_firs
     with locked_folder(here / "out"):
         # Before anything is planned, which takes seconds: not even the suite is looked for.
         assert run("no-such-suite", "-r", "local_mine:Good", "-o", "out") == 2
-        assert "another run writes into 'out'" in capsys.readouterr().err
+        assert "another command writes into 'out'" in capsys.readouterr().err
         assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
         told = capsys.readouterr().err
-        assert "another run writes into 'out'" in told
+        assert "another command writes into 'out'" in told
         assert not Path("/proc/locks").exists() or f"process {os.getpid()}" in told
         assert list((here / "out").iterdir()) == []
         assert run("-r", "local_mine:Good", "-o", "beside", "-k", "flat") == 0
@@ -227,12 +230,31 @@ def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_firs
     assert "replaces the run of local_mine:Good, " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("locked", [".", "counterexamples"])
+def test_a_search_waits_for_nobody_who_writes_there(here, capsys, locked):
+    # A report of this folder shows what a search leaves in it.
+    (here / RESULTS_FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
+    asked = ["search", "-r", "constraint", "--check", "never-pulls", "--model", "circle", "--examples", "1"]
+    with locked_folder(here / locked, for_results=False):
+        assert main(asked) == 2
+        assert f"another command writes into '{locked}'" in capsys.readouterr().err
+
+
+def test_a_page_of_a_recording_waits_for_nobody_who_writes_there(here, capsys):
+    still = Recording(np.arange(50) * 1e-3, {"hip": np.zeros((50, 2)), "force": np.zeros((50, 2))})
+    write_recording(here / "still.h5", still)
+    with locked_folder(here / "page", for_results=False):
+        assert main(["view", "still.h5", "-o", "page"]) == 2
+        assert "another command writes into 'page'" in capsys.readouterr().err
+    assert main(["view", "still.h5", "-o", "page"]) == 0
+
+
 def test_two_runs_exclude_each_other_where_the_system_cannot_lock_a_folder(here, capsys, monkeypatch):
     monkeypatch.setattr("hapticeval.runner.folder.fcntl", None)
     with locked_folder(here / "out"):
         assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
         told = capsys.readouterr().err
-        assert f"another run writes into 'out': process {os.getpid()}" in told
+        assert f"another command writes into 'out': process {os.getpid()}" in told
         assert "remove out/run.lock" in told
     # One that was killed leaves the file behind; who removes it may go on.
     (here / "out").mkdir()
