@@ -144,9 +144,9 @@ def units(deviation: Deviation) -> Iterator[Cause]:
 def delays(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that comes late, alone and with a gain."""
     force, right_force, step = deviation.force, deviation.right_force, deviation.contact.step
-    most = int(min(MOST_DELAY / step, len(force) // 3))
+    max_ticks = int(min(MOST_DELAY / step, len(force) // 3))
     for free_gain in (False, True):
-        fit = fit_delay(force, right_force, most=most, early=deviation.noisy, free_gain=free_gain)
+        fit = fit_delay(force, right_force, max_ticks=max_ticks, early=deviation.noisy, free_gain=free_gain)
         if abs(fit.ticks) <= (LEAST_LOGGED_DELAY if deviation.noisy else LEAST_DELAY):
             continue
         words, numbers = f"the force comes {late(fit.ticks, step)}", {"ticks": fit.ticks, "seconds": fit.ticks * step}
@@ -161,7 +161,7 @@ def delays(deviation: Deviation) -> Iterator[Cause]:
         if not free_gain:
             yield Cause("lag", words, left, 1.0, numbers)
             touches = deviation.contact.touches
-            ticks = fit_delay_within(force, right_force, touches, most=most)
+            ticks = fit_delay_within(force, right_force, touches, max_ticks=max_ticks)
             if ticks:  # late in contact alone: in free space it is what the hand is given now
                 in_contact = deviation.left_by(np.where(touches[:, None], delayed(right_force, ticks), 0.0))
                 contact_words = f"the force comes {late(ticks, step)} in contact"
@@ -221,8 +221,8 @@ def holds(deviation: Deviation) -> Iterator[Cause]:
     around = None
     if deviation.noisy:
         step = deviation.contact.step
-        most = int(min(MOST_DELAY / step, len(deviation.force) // 3, 30))
-        fit = fit_delay(deviation.force, deviation.right_force, most=most, early=True, free_gain=False)
+        max_ticks = int(min(MOST_DELAY / step, len(deviation.force) // 3, 30))
+        fit = fit_delay(deviation.force, deviation.right_force, max_ticks=max_ticks, early=True, free_gain=False)
         if fit.ticks < LEAST_LOGGED_DELAY:
             return
         around = round(2.0 * fit.ticks + 1.0)
@@ -356,17 +356,17 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
     angle = float(np.degrees(np.arccos(np.clip((np.trace(turn) - (dimension - 2)) / 2.0, -1.0, 1.0))))
     words = f"its frame is turned by {text(angle)} degrees"
     yield Cause("rotation", words, exactly(turn), 1.0 if dimension == 2 else 3.0, {"degrees": angle})
-    seen = np.diag(own) > 1e-9 * np.trace(own)
-    gains = np.where(seen, np.diag(common) / np.where(seen, np.diag(own), 1.0), 1.0)
+    is_pressed = np.diag(own) > 1e-9 * np.trace(own)
+    gains = np.where(is_pressed, np.diag(common) / np.where(is_pressed, np.diag(own), 1.0), 1.0)
     words = f"the force along {', '.join(names[:dimension])} is {vector(gains)} times what is asked"
     yield Cause("gain per axis", words, exactly(np.diag(gains)), float(dimension), {"gains": gains.tolist()})
-    for axis in np.flatnonzero(seen):
+    for axis in np.flatnonzero(is_pressed):
         matrix = np.eye(dimension)
         matrix[axis, axis] = gains[axis]
         words = f"the force along {names[axis]} is {text(float(gains[axis]))} times what is asked"
         yield Cause("gain of an axis", words, exactly(matrix), 1.2, {"axis": names[axis], "gain": float(gains[axis])})
     for to, source in permutations(range(dimension), 2):
-        if seen[source]:
+        if is_pressed[source]:
             share = float((force[:, to] - right_force[:, to]) @ right_force[:, source] / own[source, source])
             matrix = np.eye(dimension)
             matrix[to, source] = share
@@ -482,14 +482,14 @@ def gains_by(deviation: Deviation) -> Iterator[Cause]:
         grain = 1e-7 * largest
         if unit:
             gains = fit_curve(values, common, own)
-            least, most = float(gains.min()), float(gains.max())
             model = right_force.copy()
             model[rows] *= gains[:, None]
             measures = {"mm": "depth", "mm/s": "speed", "s": "time"}
             what = f"place along {kind[6]}" if "where" in kind else measures[unit]
-            words = f"the stiffness varies with the {what}, from {text(least)} to {text(most)} of what is asked"
-            if text(least) != text(most):
-                yield Cause(f"varies {kind}", words, deviation.left_by(model), 16.0, {"least": least})
+            ends = text(float(gains.min())), text(float(gains.max()))
+            words = f"the stiffness varies with the {what}, from {ends[0]} to {ends[1]} of what is asked"
+            if ends[0] != ends[1]:
+                yield Cause(f"varies {kind}", words, deviation.left_by(model), 16.0, {"smallest": float(gains.min())})
         interval = fit_interval(np.round(values / grain) * grain, common, own)
         if interval is None:
             continue

@@ -37,10 +37,10 @@ def delayed(signal: Array, ticks: float, first: Array | None = None) -> Array:
 
     What came before the first row is `first` (N,), or the first row itself.
     """
-    whole = int(np.floor(ticks))
-    share = ticks - whole
-    late = _shifted(signal, whole, first)
-    return late if share == 0.0 else (1.0 - share) * late + share * _shifted(signal, whole + 1, first)
+    full_ticks = int(np.floor(ticks))
+    share = ticks - full_ticks
+    late = _shifted(signal, full_ticks, first)
+    return late if share == 0.0 else (1.0 - share) * late + share * _shifted(signal, full_ticks + 1, first)
 
 
 def _shifted(signal: Array, ticks: int, first: Array | None) -> Array:
@@ -60,8 +60,8 @@ class Delay(NamedTuple):
     left: float
 
 
-def fit_delay(signal: Array, source: Array, *, most: int, early: bool, free_gain: bool) -> Delay:
-    """Return the delay of `signal` behind `source` (n, N) that leaves least, up to `most` ticks, between ticks too.
+def fit_delay(signal: Array, source: Array, *, max_ticks: int, early: bool, free_gain: bool) -> Delay:
+    """Return the delay of `signal` behind `source` (n, N) that leaves least, up to `max_ticks`, between ticks too.
 
     All whole delays at once by the Fourier transform, then between the best one and its neighbours.
     """
@@ -69,33 +69,35 @@ def fit_delay(signal: Array, source: Array, *, most: int, early: bool, free_gain
     size = 1 << (2 * count - 1).bit_length()
     spectra = np.fft.rfft(signal, size, axis=0) * np.conj(np.fft.rfft(source, size, axis=0))
     common = np.fft.irfft(spectra.sum(axis=1), size)
-    ticks = np.arange(-most if early else 0, most + 1)
+    ticks = np.arange(-max_ticks if early else 0, max_ticks + 1)
     # What is shifted in at an end is the row there: its share of the common power and of the source's own.
     sums = np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(signal, axis=0)])
     own = np.concatenate([[0.0], np.cumsum(np.einsum("ij,ij->i", source, source))])
     away = np.abs(ticks)
     at_first = ticks >= 0
     shared = common[ticks] + np.where(at_first, sums[away] @ source[0], (sums[-1] - sums[count - away]) @ source[-1])
-    kept = np.where(at_first, own[count - away], own[-1] - own[away])
-    kept = kept + away * np.where(at_first, source[0] @ source[0], source[-1] @ source[-1])
+    source_power = np.where(at_first, own[count - away], own[-1] - own[away])
+    source_power = source_power + away * np.where(at_first, source[0] @ source[0], source[-1] @ source[-1])
     # Delayed so far that nothing of the source is left, it has no gain.
-    some_left = kept > NEXT_TO_NOTHING * own[-1]
-    gain = np.where(some_left, shared / np.where(some_left, kept, 1.0), 0.0) if free_gain else np.ones(len(ticks))
-    best = int(ticks[np.argmin(kept * gain**2 - 2.0 * gain * shared)])
+    some_left = source_power > NEXT_TO_NOTHING * own[-1]
+    gain = (
+        np.where(some_left, shared / np.where(some_left, source_power, 1.0), 0.0) if free_gain else np.ones(len(ticks))
+    )
+    best = int(ticks[np.argmin(source_power * gain**2 - 2.0 * gain * shared)])
     return min((_between(signal, source, start, free_gain) for start in (best - 1, best)), key=lambda fit: fit.left)
 
 
-def fit_delay_within(signal: Array, source: Array, rows: BoolArray, *, most: int) -> int:
-    """Return the whole delay, up to `most` ticks, of `signal` behind `source` (n, N) that leaves least in `rows` (n,).
+def fit_delay_within(signal: Array, source: Array, rows: BoolArray, *, max_ticks: int) -> int:
+    """Return the whole delay, up to `max_ticks`, of `signal` behind `source` (n, N) that leaves least in `rows` (n,).
 
     Sum over rows of |f(t) - s(t - k)|^2, of which two terms depend on k: both by the Fourier transform.
     """
     size = 1 << (2 * len(signal) - 1).bit_length()
     masked = signal * rows[:, None]
     spectra = np.fft.rfft(masked, size, axis=0) * np.conj(np.fft.rfft(source, size, axis=0))
-    common = np.fft.irfft(spectra.sum(axis=1), size)[: most + 1]
+    common = np.fft.irfft(spectra.sum(axis=1), size)[: max_ticks + 1]
     own = np.fft.rfft(rows.astype(float), size) * np.conj(np.fft.rfft(np.einsum("ij,ij->i", source, source), size))
-    return int(np.argmin(np.fft.irfft(own, size)[: most + 1] - 2.0 * common))
+    return int(np.argmin(np.fft.irfft(own, size)[: max_ticks + 1] - 2.0 * common))
 
 
 def _between(signal: Array, source: Array, start: int, free_gain: bool) -> Delay:

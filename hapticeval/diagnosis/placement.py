@@ -103,17 +103,17 @@ def tool_causes(ihip: Array, contact: RightContact) -> Iterator[Cause]:
     right, apart = power(ihip - point), np.any(ihip != hand, axis=1)
     off = np.sum((ihip - point) ** 2, axis=1)
     start = hand[0]
-    most = int(min(MOST_DELAY / step, len(hand) // 3))
-    fit = fit_delay(ihip - start, point - start, most=most, early=False, free_gain=False)
+    max_ticks = int(min(MOST_DELAY / step, len(hand) // 3))
+    fit = fit_delay(ihip - start, point - start, max_ticks=max_ticks, early=False, free_gain=False)
     if fit.ticks > LEAST_DELAY:
         yield _lag(fit.ticks, step, fit.left)
         # What came before the first row is not known: those rows are left out, where they are few.
-        whole = round(fit.ticks)
-        if 0 < whole < len(hand) // 20:
-            yield _lag(whole, step, power((ihip - delayed(point, whole))[whole:]), 1.3)
+        full_ticks = round(fit.ticks)
+        if 0 < full_ticks < len(hand) // 20:
+            yield _lag(full_ticks, step, power((ihip - delayed(point, full_ticks))[full_ticks:]), 1.3)
     # Late in contact alone: in free space the tool is at the hand of now.
     for rows in (contact.touches, apart):
-        ticks = fit_delay_within(ihip - start, point - start, rows, most=most)
+        ticks = fit_delay_within(ihip - start, point - start, rows, max_ticks=max_ticks)
         if ticks:
             for touching in (contact.touches, apart):
                 model = np.where(touching[:, None], delayed(point, ticks), hand)
@@ -121,8 +121,8 @@ def tool_causes(ihip: Array, contact: RightContact) -> Iterator[Cause]:
     touching = apart & contact.touches
     if np.count_nonzero(touching) > 5:
         offset = float(np.mean(dot_rows(ihip - point, contact.normal)[touching]))
-        beyond = contact.depth + offset
-        model = np.where((beyond > 0.0)[:, None], hand + beyond[:, None] * contact.normal, hand)
+        reach_inside = contact.depth + offset
+        model = np.where((reach_inside > 0.0)[:, None], hand + reach_inside[:, None] * contact.normal, hand)
         side = "outside" if offset > 0.0 else "inside"
         words = f"the contact point lies {text(1e3 * abs(offset))} mm {side} the model"
         yield Cause("offset", words, power(ihip - model), 1.0, {"metres": offset})

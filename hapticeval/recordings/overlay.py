@@ -144,13 +144,15 @@ def _tracks_on_surface(first: Recording, second: Recording, curve: Curve) -> tup
     """Return the first pass of both over the way (m), that of the second in the direction and turn nearest to it."""
     # The tool is on the surface; where either run has none, the hand's foot stands for it.
     name = "ihip" if all("ihip" in recording.channels for recording in (first, second)) else "hip"
-    ways = [_way(recording, name, curve, which) for recording, which in ((first, "first"), (second, "second"))]
-    whole = ways[0][0]
-    forwards = np.max(whole) - whole[0] >= whole[0] - np.min(whole)
-    passed = _first_pass(first, *ways[0], sign=1.0 if forwards else -1.0)
+    arc_lengths = [
+        _arc_length(recording, name, curve, which) for recording, which in ((first, "first"), (second, "second"))
+    ]
+    first_length = arc_lengths[0][0]
+    forwards = np.max(first_length) - first_length[0] >= first_length[0] - np.min(first_length)
+    passed = _first_pass(first, *arc_lengths[0], sign=1.0 if forwards else -1.0)
     candidates = []
     for sign in (1.0, -1.0):
-        track = _first_pass(second, *ways[1], sign=sign)
+        track = _first_pass(second, *arc_lengths[1], sign=sign)
         # Whole turns may lie between two runs on a closed curve.
         away = (np.mean(passed.along) - np.mean(track.along)) / curve.length if curve.closed else 0.0
         for turns in {np.floor(away), np.ceil(away)}:
@@ -159,7 +161,7 @@ def _tracks_on_surface(first: Recording, second: Recording, curve: Curve) -> tup
     return passed, max(candidates, key=lambda track: np.count_nonzero(track.covers(passed.along)))
 
 
-def _way(recording: Recording, name: str, curve: Curve, which: str) -> tuple[Array, IntArray]:
+def _arc_length(recording: Recording, name: str, curve: Curve, which: str) -> tuple[Array, IntArray]:
     """Return the way (k,), m, of the rows (k,) in contact; on a closed curve it goes on beyond a turn."""
     recording.require(name)
     rows = np.flatnonzero(recording.contact)
@@ -169,16 +171,16 @@ def _way(recording: Recording, name: str, curve: Curve, which: str) -> tuple[Arr
             why="a way along the surface is that of the rows in contact",
             todo="compare over time",
         )
-    way = curve.arc_length(curve.nearest(recording.channels[name][rows]))
-    return (np.unwrap(way, period=curve.length) if curve.closed else way), rows
+    arc_length = curve.arc_length(curve.nearest(recording.channels[name][rows]))
+    return (np.unwrap(arc_length, period=curve.length) if curve.closed else arc_length), rows
 
 
-def _first_pass(recording: Recording, way: Array, rows: IntArray, *, sign: float) -> _Track:
+def _first_pass(recording: Recording, arc_length: Array, rows: IntArray, *, sign: float) -> _Track:
     """Return the rows that come further than any before, in the direction of `sign`, by increasing way (m)."""
-    furthest = np.maximum.accumulate(sign * way)
+    furthest = np.maximum.accumulate(sign * arc_length)
     further = np.r_[True, furthest[1:] > furthest[:-1]]
     order = slice(None, None, int(sign))
-    along, rows = way[further][order], rows[further][order]
+    along, rows = arc_length[further][order], rows[further][order]
     step = float(np.median(np.diff(along))) if along.size > 1 else 0.0
     return _Track(recording, along, rows, max(BRIDGED_WAY, BRIDGED_STEPS * step))
 
@@ -196,12 +198,12 @@ def _gap(name: str, along: Array, rows: BoolArray, runs: Sequence[Mapping[str, A
     places = along[rows]
     # A delay is counted in even steps.
     even = timed and step > 0.0 and bool(np.allclose(np.diff(places), step, rtol=0.05))
-    most = min(int(LONGEST_DELAY / step), len(places) // 4) if even else 0
+    max_ticks = min(int(LONGEST_DELAY / step), len(places) // 4) if even else 0
     # The simplest first: a delay, a gain of the force, both.
     for late, stronger in ((True, False), (False, True), (True, True)):
-        if (late and most < 1) or (stronger and name != "force"):
+        if (late and max_ticks < 1) or (stronger and name != "force"):
             continue
-        ticks = fit_delay(second, first, most=most, early=True, free_gain=stronger).ticks if late else 0.0
+        ticks = fit_delay(second, first, max_ticks=max_ticks, early=True, free_gain=stronger).ticks if late else 0.0
         # What a shift brings in at the ends was never recorded.
         inner = slice(int(np.ceil(abs(ticks))), len(places) - int(np.ceil(abs(ticks))))
         source, signal = delayed(first, ticks)[inner], second[inner]

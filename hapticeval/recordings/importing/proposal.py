@@ -178,7 +178,7 @@ def _time(table: Table, clock_names: list[str]) -> list[str]:
     seconds = SUFFIX_SECONDS.search(clock)
     unit = table.units.get(clock) or (seconds[1] if seconds else _unit(table, clock))
     first = float(np.nanmin(table[clock])) if table.rows(clock) else 0.0
-    unix = next((name for name, least in UNIX_UNITS.items() if least < first < 3.0 * least), None)
+    unix = next((name for name, after_2001 in UNIX_UNITS.items() if after_2001 < first < 3.0 * after_2001), None)
     # OpenHaptics counts the scheduler's ticks, whose rate is not in the file.
     if clock == "tick" and unit == NOT_STATED:
         lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
@@ -219,21 +219,21 @@ def _proposals(table: Table, clock_names: list[str]) -> dict[str, Proposal]:
         if (proposal := _scored(table, vector, channel)) is not None
     ]
     proposals: dict[str, Proposal] = {}
-    taken: set[str] = set()
+    used_columns: set[str] = set()
     # The best pair first: then neither its channel nor its columns are free. Equal ones stay in the file's order.
     for _, channel, proposal in sorted(pairs, key=lambda pair: -pair[0]):
-        if channel not in proposals and taken.isdisjoint(proposal.columns):
+        if channel not in proposals and used_columns.isdisjoint(proposal.columns):
             # Joints go by names of their own as well as by numbers: enc_shoulder, enc_elbow.
             alike = [
                 other
                 for _, name, other in pairs
                 if channel in WIRED_CHANNELS and name == channel and len(proposal.columns) == len(other.columns) == 1
                 and (other.points, other.own_clock) == (proposal.points, proposal.own_clock)
-                and taken.isdisjoint(other.columns)
+                and used_columns.isdisjoint(other.columns)
             ]  # fmt: skip
             joined = tuple(column for other in alike[:MOST_COMPONENTS] for column in other.columns)
             proposals[channel] = replace(proposal, columns=joined or proposal.columns)
-            taken.update(proposals[channel].columns)
+            used_columns.update(proposals[channel].columns)
     places = {name: place for place, name in enumerate(table.columns)}
     in_order = sorted(proposals.items(), key=lambda item: (item[1].own_clock is not None, places[item[1].columns[0]]))
     return dict(in_order)
@@ -291,8 +291,8 @@ def _scored(table: Table, vector: Vector, channel: str) -> Proposal | None:
             and not of_joints and _unit(table, vector.columns[0]) == NOT_STATED)
     )  # fmt: skip
     values = [table[name] for name in vector.columns]
-    whole = all(column.dtype.kind == "i" for column in values)
-    if excluded or (channel == "raw" and not whole and "raw" not in leaf):
+    integers = all(column.dtype.kind == "i" for column in values)
+    if excluded or (channel == "raw" and not integers and "raw" not in leaf):
         return None
     points, reasons = 0.0, []
     named, path = sorted(leaf & WORDS[channel]), sorted(around & WORDS[channel])
@@ -305,15 +305,15 @@ def _scored(table: Table, vector: Vector, channel: str) -> Proposal | None:
     points += 0.5 * bool(named and path)
     stated = {_unit(table, name) for name in vector.columns}
     for unit in stated - {NOT_STATED}:
-        wanted = ("counts" if channel == "raw" else None) if channel in WIRED_CHANNELS else CHANNELS[channel].unit
-        if wanted is not None and parse_unit(unit).dimension != parse_unit(wanted).dimension:
+        channel_unit = ("counts" if channel == "raw" else None) if channel in WIRED_CHANNELS else CHANNELS[channel].unit
+        if channel_unit is not None and parse_unit(unit).dimension != parse_unit(channel_unit).dimension:
             return None
         points += 1.0
         reasons.append(f"in {unit}")
     if not joints and len(vector.columns) > 1:
         points += 0.5
         reasons.append(f"{len(vector.columns)} components")
-    points += 1.0 * (of_joints and joints) + 0.5 * (channel == "raw" and whole)
+    points += 1.0 * (of_joints and joints) + 0.5 * (channel == "raw" and integers)
     points -= 1.5 * bool(DOUBTFUL_WORDS & (leaf | around) and channel not in WIRED_CHANNELS)
     if not any(np.ptp(column[np.isfinite(column)]) for column in values if np.isfinite(column).any()):
         points -= 0.5
