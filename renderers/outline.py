@@ -81,7 +81,8 @@ def _ellipse_bounds(piece: Array) -> tuple[float, float]:
 def _cassinian_bounds(piece: Array) -> tuple[float, float]:
     """Return the `third_bounds` of a CASSINIAN piece (9,), m.
 
-    Sampled over one lobe, densely around the valley, where all derivatives peak as a_n / a_d falls to 1.
+    Sampled over one lobe, densely around the valley, where all derivatives peak as a_n / a_d falls to 1; over less than
+    a lobe, evenly: such a piece is cut where they change, see `cut_at_valleys`.
 
     With z = r exp(iu) and w = r'/r + i, the derivatives are z' = z w, z'' = z (w^2 + w') and
     z''' = z (w^3 + 3 w w' + w'').
@@ -91,6 +92,8 @@ def _cassinian_bounds(piece: Array) -> tuple[float, float]:
     ratio, sharpest = 1.0 + above, math.sqrt(above)
     offsets = np.geomspace(1e-3 * min(sharpest, 1.0), math.pi / 2.0, 4000)
     angle = np.concatenate([np.linspace(0.0, math.pi, 4001), math.pi / 2.0 - offsets, math.pi / 2.0 + offsets])
+    if lobes * (oval.u1 - oval.u0) < math.pi:
+        angle = np.linspace(lobes * oval.u0, lobes * oval.u1, 1001)
     sin, cos = np.sin(angle), np.cos(angle)
     root = np.sqrt(above + cos * cos)
     power = np.where(cos > 0.0, cos + root, above / (root + np.abs(cos)))
@@ -101,6 +104,39 @@ def _cassinian_bounds(piece: Array) -> tuple[float, float]:
     third_derivative = np.max(r * np.abs(w**3 + 3.0 * w * w1 + w2))
     mixed_product = np.max(3.0 * r * r * np.abs((np.conj(w) * (w * w + w1)).real))
     return SAMPLED_RAISE * float(mixed_product), SAMPLED_RAISE * float(third_derivative)
+
+
+VALLEY_RING = 4.0
+"""By how much a piece of a valley's side is wider than the one inside of it; the bounds of a march are its own."""
+
+
+def cut_at_valleys(pieces: Array) -> Array:
+    """Return `pieces` (n, 9) with the sides of narrow valleys cut into pieces, each with derivatives of one size.
+
+    The third derivative of a Cassinian is largest where cos(n_l u) = 0, by (a_n / a_d - 1)^(-3/2) as that falls to 1,
+    and falls off within sqrt(a_n / a_d - 1) of n_l u. With one bound for the whole curve a march creeps everywhere.
+    """
+    cut = []
+    for row in pieces:
+        piece = as_record(row, PIECE)
+        edges = _valley_edges(row) if piece.kind == CASSINIAN else np.empty(0)
+        ends = np.array([piece.u0, *edges, piece.u1])
+        parts = np.repeat(row[None], len(ends) - 1, axis=0)
+        ranges = as_records(parts, PIECE)  # the same memory
+        ranges.u0, ranges.u1 = ends[:-1], ends[1:]
+        cut.append(parts)
+    return np.concatenate(cut)
+
+
+def _valley_edges(piece: Array) -> Array:
+    """Return where `cut_at_valleys` cuts a CASSINIAN piece (9,): rising u; none where its valleys are wide."""
+    oval = as_record(piece, CASSINIAN_PIECE)
+    rings = math.sqrt(oval.above) * VALLEY_RING ** np.arange(32.0)
+    rings = rings[rings < math.pi / 2.0 / VALLEY_RING]
+    # n_l u at the sides of the valleys, each half a turn from the next
+    sides = math.pi * (np.arange(2.0 * oval.lobes) + 0.5)
+    edges = np.sort((sides[:, None] + np.concatenate([-rings, rings])).ravel()) / oval.lobes
+    return np.asarray(edges[(edges > oval.u0) & (edges < oval.u1)])
 
 
 SMOOTH_THIRD_BOUNDS = {CASSINIAN: _cassinian_bounds, ELLIPSE: _ellipse_bounds}
@@ -307,7 +343,7 @@ def is_closed(outline: Outline) -> bool:
 
 def outline_of(curve: Curve) -> Outline:
     """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
-    pieces = for_kernels(curve.pieces)
+    pieces = for_kernels(cut_at_valleys(curve.pieces))
     count = len(pieces)
     joins = np.zeros((count, room_for(JOIN)))
     at_joins, ranges = as_records(joins, JOIN), as_records(pieces, PIECE)  # the same memory

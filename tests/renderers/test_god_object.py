@@ -12,7 +12,7 @@ from leading import led
 from hapticeval.geometry.catalogue import EXACT_MAKERS, cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.renderers import constraint
-from hapticeval.renderers.outline import third_bounds
+from hapticeval.renderers.outline import cut_at_valleys, third_bounds
 from hapticeval.scene import Scene
 
 CASSINIAN = cassinian()
@@ -191,19 +191,39 @@ def _walked(ring, k, hip):
     "model",
     [
         *(maker() for maker in EXACT_MAKERS if maker().dimension == 2 and maker().boundary.closed),
-        *(ellipse(3.0), cassinian(a_n=1.05), cassinian(lobes=7, a_n=1.3)),
+        *(ellipse(3.0), cassinian(a_n=1.05), cassinian(a_n=1.0 + 1e-7), cassinian(lobes=7, a_n=1.3)),
     ],
     ids=lambda model: model.name,
 )
 def test_the_bounds_that_keep_a_march_safe_hold(model):
-    pieces = model.curve.pieces
-    for piece, (mixed, third) in zip(pieces, third_bounds(pieces), strict=True):
-        us = np.linspace(piece[1], piece[2], 20_001)
+    whole = model.curve.pieces
+    cut = cut_at_valleys(whole)
+    assert len(cut) == len(whole) or model.name == "cassinian"
+    # A part reaches from where the one before it ends, over all of the whole.
+    assert np.array_equal(cut[1:, 1], cut[:-1, 2])
+    assert (cut[0, 1], cut[-1, 2]) == (whole[0, 1], whole[-1, 2])
+    count = 20_001 if len(cut) == len(whole) else 2_001
+    for piece, (mixed, third) in zip(cut, third_bounds(cut), strict=True):
+        us = np.linspace(piece[1], piece[2], count)
         rows = evaluate_many(np.array([piece]), us)
         slope = np.diff(rows[:, 4:6], axis=0) / np.diff(us)[:, None]
         scale = max(1e-12, np.max(np.hypot(rows[:, 2], rows[:, 3])) ** 2)
         assert np.max(3.0 * np.abs(np.sum(rows[:, 2:4] * rows[:, 4:6], axis=1))) <= mixed + 1e-9 * scale
         assert np.max(np.hypot(*slope.T)) <= third * (1.0 + 1e-6) + 1e-9
+
+
+@pytest.mark.parametrize("above", [1e-3, 1e-6, 1e-9])
+def test_beside_valleys_that_are_nearly_cusps_the_tool_rests_where_no_way_leads_closer(above):
+    """The hand leaps from lobe to lobe, and the tool gets in a tick to where the error stands on the surface."""
+    model = cassinian(a_n=1.0 + above)
+    hips = np.array([[0.09, 0.0], [0.0, 0.09], [-0.0389196, 0.0073582], [0.0073582, -0.0389196]])
+    curve = model.curve
+    ihips, _ = led(exact(Scene(model=model)), hips, 1e-3)
+    for hip, ihip in zip(hips, ihips, strict=True):
+        (u,) = curve.nearest(ihip[None])
+        _, _, dx, dy, *_ = evaluate_many(curve.pieces, np.array([u]))[0]
+        along = np.array([dx, dy]) / np.hypot(dx, dy)
+        assert abs((hip - ihip) @ along) <= 1e-6 * np.hypot(*(hip - ihip)), (hip, ihip)
 
 
 def _pop(renderer, depth):
