@@ -524,7 +524,7 @@ def _refuse_unpicklable(factories: Mapping[str, RendererFactory]) -> None:
         except Exception as error:
             raise InputError(
                 f"'{name}' cannot run in a process of its own",
-                why=f"it is not a name, and cannot be pickled: {error}",
+                why="it is not a name, and Python cannot pickle it: as what is made in a function or a notebook",
                 todo="leave workers out, or name it package.module:factory",
             ) from error
 
