@@ -24,7 +24,7 @@ from hapticeval.diagnosis.fits import (
     search,
 )
 from hapticeval.quantity import format_number
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 
 MISTAKEN_UNITS: Mapping[str, float] = {
     "mN for N, or mm for m": 1e3,
@@ -52,8 +52,12 @@ LEAST_BEND = 0.01
 MOST_DELAY = 0.3
 """s: the longest delay that is looked for; a hand takes as long to react; *chosen*."""
 
-LEAST_DELAY, LEAST_LOGGED_DELAY = 0.02, 1.0
-"""ticks: less is a force that is in time; *chosen*. In a log the hand's own velocity is half a tick late."""
+LEAST_DELAY, LEAST_LOGGED_DELAY = 0.02, 1.5
+"""ticks: less is a force that is in time; *chosen*. In a log the hand's own velocity is half a tick late, and a damper
+that is off looks like a tick."""
+
+LEAST_GAIN = 0.01
+"""A gain that is nearer to one is none in a log, beside another cause; *chosen*: as an effect that is as small."""
 
 FEWEST_LOGGED = 0.01
 """Share of the rows in contact that an edge may take from a log, which passes it some ticks late; *chosen*."""
@@ -79,11 +83,15 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """A force (n, N), N, that is not the one that its contact asks for; `noisy` where it was measured."""
+    """A force (n, N), N, that is not the one that its contact asks for; `noisy` where it was measured.
+
+    `counted` (n,) are the rows in which it is compared: not those of a log in which the contact leaps.
+    """
 
     force: Array
     contact: RightContact
     noisy: bool
+    counted: BoolArray
     noise: float = 0.0
 
     @property
@@ -91,9 +99,13 @@ class Deviation:
         """The force that the contact asks for, (n, N), N."""
         return self.contact.force
 
+    def is_one(self, gain: float) -> bool:
+        """Whether a gain is none, in a log."""
+        return self.noisy and abs(gain - 1.0) < LEAST_GAIN
+
     def left_by(self, force: Array) -> float:
         """Return the sum of squares that another force (n, N), N, leaves."""
-        return power(self.force - force)
+        return power((self.force - force)[self.counted])
 
 
 def text(value: float) -> str:
@@ -127,11 +139,8 @@ def units(deviation: Deviation) -> Iterator[Cause]:
         0.5,
         {},
     )
-    common, own, total = (
-        float(np.sum(deviation.force * deviation.right_force)),
-        power(deviation.right_force),
-        power(deviation.force),
-    )
+    force, right_force = deviation.force[deviation.counted], deviation.right_force[deviation.counted]
+    common, own, total = float(np.sum(force * right_force)), power(right_force), power(force)
     for name, factor in MISTAKEN_UNITS.items():
         left = total - 2.0 * factor * common + factor**2 * own
         # The difference of large numbers is rounded: the best is worked out exactly.
@@ -153,11 +162,9 @@ def delays(deviation: Deviation) -> Iterator[Cause]:
         # A renderer that starts in contact has no past: what it answers then is its first answer, or nothing.
         model = delayed(right_force, fit.ticks)
         unseen = int(np.ceil(max(fit.ticks, 0.0)))
-        left = (
-            min(fit.left, power((force - fit.gain * model)[unseen:]) + 1e-300)
-            if unseen < len(force) // 20
-            else fit.left
-        )
+        left = deviation.left_by(fit.gain * model)
+        if unseen < len(force) // 20 and not deviation.noisy:
+            left = min(left, power((force - fit.gain * model)[unseen:]) + 1e-300)
         if not free_gain:
             yield Cause("lag", words, left, 1.0, numbers)
             touches = deviation.contact.touches
@@ -167,10 +174,10 @@ def delays(deviation: Deviation) -> Iterator[Cause]:
                 contact_words = f"the force comes {late(ticks, step)} in contact"
                 yield Cause("lag", contact_words, in_contact, 1.5, {"ticks": float(ticks), "seconds": ticks * step})
             # The delay and a constant force: the mean of what is left.
-            bias = (force - model).mean(axis=0)
-            left = power(force - model - bias)
+            bias = (force - model)[deviation.counted].mean(axis=0)
+            left = deviation.left_by(model + bias)
             yield Cause("lag + bias", f"{words}, and {vector(bias)} N are added", left, 2.5 + len(bias), numbers)
-        else:
+        elif not deviation.is_one(fit.gain):
             yield Cause("lag + gain", f"{words}, and {gain_words(fit.gain)}", left, 2.5, numbers | {"gain": fit.gain})
 
 
@@ -181,6 +188,9 @@ def filters(deviation: Deviation) -> Iterator[Cause]:
         fit = fit_low_pass(force, right_force, exact=not deviation.noisy, free_gain=free_gain, biased=biased)
         if fit.share >= 0.9999:
             continue
+        left = fit.left
+        if deviation.noisy:
+            left = deviation.left_by(fit.gain * low_passed(right_force, fit.share) + fit.bias)
         constant = step * (1.0 - fit.share) / fit.share  # as a step of the implicit Euler method has it
         rate = text(0.5 / np.pi / constant)
         words = f"the force is low-passed, with a time constant of {text(1e3 * constant)} ms ({rate} Hz)"
@@ -188,12 +198,12 @@ def filters(deviation: Deviation) -> Iterator[Cause]:
         if biased:
             words += f", and {vector(fit.bias)} N are added"
             cost = 2.5 + len(fit.bias)
-            yield Cause("low-pass + bias", words, fit.left, cost, numbers | {"bias": fit.bias.tolist()})
-        elif free_gain:
+            yield Cause("low-pass + bias", words, left, cost, numbers | {"bias": fit.bias.tolist()})
+        elif free_gain and not deviation.is_one(fit.gain):
             words += f", and {gain_words(fit.gain)}"
-            yield Cause("low-pass + gain", words, fit.left, 2.5, numbers | {"gain": fit.gain})
-        else:
-            yield Cause("low-pass", words, fit.left, 1.0, numbers)
+            yield Cause("low-pass + gain", words, left, 2.5, numbers | {"gain": fit.gain})
+        elif not free_gain:
+            yield Cause("low-pass", words, left, 1.0, numbers)
 
 
 def filters_in_contact(deviation: Deviation) -> Iterator[Cause]:
@@ -223,14 +233,16 @@ def holds(deviation: Deviation) -> Iterator[Cause]:
         step = deviation.contact.step
         max_ticks = int(min(MOST_DELAY / step, len(deviation.force) // 3, 30))
         fit = fit_delay(deviation.force, deviation.right_force, max_ticks=max_ticks, early=True, free_gain=False)
-        if fit.ticks < LEAST_LOGGED_DELAY:
+        # Renewed every T ticks, it is (T - 1) / 2 ticks late on average.
+        if fit.ticks < 0.5 * LEAST_LOGGED_DELAY:
             return
         around = round(2.0 * fit.ticks + 1.0)
     hold = fit_hold(deviation.force, deviation.right_force, around)
     if hold is not None:
-        ticks, left = hold
+        ticks, model = hold
         rate = text(1.0 / (ticks * deviation.contact.step))
-        yield Cause("hold", f"the force is renewed every {ticks} ticks alone ({rate} Hz)", left, 1.0, {"ticks": ticks})
+        words = f"the force is renewed every {ticks} ticks alone ({rate} Hz)"
+        yield Cause("hold", words, deviation.left_by(model), 1.0, {"ticks": ticks})
 
 
 def sums(deviation: Deviation) -> Iterator[Cause]:
@@ -258,8 +270,9 @@ def sums(deviation: Deviation) -> Iterator[Cause]:
             right_force * (contact.point - contact.point[0])[:, axis, None] for axis in range(dimension)
         ],
     }
-    basis = np.array([column.ravel() for group in columns.values() for column in group])
-    products, common = basis @ basis.T, basis @ (force - right_force).ravel()
+    counted = deviation.counted
+    basis = np.array([column[counted].ravel() for group in columns.values() for column in group])
+    products, common = basis @ basis.T, basis @ (force - right_force)[counted].ravel()
     total = deviation.left_by(right_force)
     places, start = {}, 0
     for kind, group in columns.items():
@@ -334,7 +347,7 @@ def signed_axes(dimension: int) -> list[Array]:
 
 def matrices(deviation: Deviation) -> Iterator[Cause]:
     """Yield other axes, other signs, a turned frame, a gain of each axis, and crosstalk: a matrix on what is asked."""
-    force, right_force = deviation.force, deviation.right_force
+    force, right_force = deviation.force[deviation.counted], deviation.right_force[deviation.counted]
     dimension = force.shape[1]
     names = "xyz"
     common, own, total = force.T @ right_force, right_force.T @ right_force, power(force)
@@ -344,7 +357,7 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
         return max(total - 2.0 * float(np.sum(matrix * common)) + float(np.sum((matrix @ own) * matrix)), 0.0)
 
     def exactly(matrix: Array) -> float:
-        return deviation.left_by(right_force @ matrix.T)
+        return power(force - right_force @ matrix.T)
 
     best = min((matrix for matrix in signed_axes(dimension) if abs(np.trace(matrix)) < dimension - 0.5), key=left_by)
     axes = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in best]
@@ -380,7 +393,7 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
     yield Cause("crosstalk", words, exactly(matrix), float(dimension**2), {"matrix": matrix.tolist()})
     mean = force.mean(axis=0)
     words = f"the force is {vector(mean)} N, whatever the contact is"
-    yield Cause("constant", words, deviation.left_by(np.broadcast_to(mean, force.shape)), float(dimension), {})
+    yield Cause("constant", words, power(force - mean), float(dimension), {})
 
 
 def limits(deviation: Deviation) -> Iterator[Cause]:
@@ -456,7 +469,7 @@ def gains_by(deviation: Deviation) -> Iterator[Cause]:
     """Yield a gain that differs where a depth, a speed, a place, a normal or the time is within an interval."""
     contact, force, right_force = deviation.contact, deviation.force, deviation.right_force
     size = np.linalg.norm(right_force, axis=1)
-    rows = np.flatnonzero(contact.touches & (size > SMALLEST_SHARE * size.max()))
+    rows = np.flatnonzero(contact.touches & deviation.counted & (size > SMALLEST_SHARE * size.max()))
     if rows.size <= 50:
         return
     common, own = dot_rows(force[rows], right_force[rows]), size[rows] ** 2
@@ -530,7 +543,7 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
     silent_below = 4.0 * deviation.noise + 1e-9 * float(size.max())
     rows = np.arange(len(felt))
     since = rows - np.maximum.accumulate(np.where(contact.touches, rows, -len(rows)))
-    after = ~contact.touches & (felt > silent_below)
+    after = ~contact.touches & (felt > silent_below) & deviation.counted
     if after.any() and (since[after] < len(rows)).all():
         model = right_force.copy()
         model[after] = force[after]
@@ -551,7 +564,7 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
             depth = float(contact.depth[order[last]])
             words = f"the force lets go on the way out, {text(1e3 * depth)} mm below the surface"
             yield Cause("early release", words, deviation.left_by(model), 1.2, {"metres": depth})
-    missing = contact.touches & (felt <= silent_below) & (size > silent_below)
+    missing = contact.touches & (felt <= silent_below) & (size > silent_below) & deviation.counted
     fewest = FEWEST_LOGGED * np.count_nonzero(contact.touches) if deviation.noisy else 0.0
     if np.count_nonzero(missing) <= fewest:
         return

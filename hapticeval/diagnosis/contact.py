@@ -21,6 +21,10 @@ SMOOTHED_ROWS = 41
 MOST_CORNERS = 20
 """Corners at most beside which a gain is sought; *chosen*."""
 
+LEAP, LEAP_TICKS, MOST_LEAPING = 3.0, 3, 0.2
+"""A force that changes by so many times K and the hand's step leaps; ticks on either side of it in which a log may be
+there already, or not yet; and the share of rows beyond which leaps are no exception. *Chosen*."""
+
 STILL = 1e-9
 """m a tick, or change of a unit normal: less is not motion."""
 
@@ -92,6 +96,20 @@ class RightContact:
     def slide(self) -> Array:
         """The hand's velocity along the surface, (n, N), m/s; zero in free space."""
         return np.asarray((self.velocity - self.normal_speed[:, None] * self.normal) * self.touches[:, None])
+
+    @cached_property
+    def told(self) -> BoolArray:
+        """Where a log tells the contact, (n,): not beside a leap of the force, over an edge or near a medial axis.
+
+        There a step of the hand's encoder decides on which face the tool is, or when it leaves.
+        """
+        steps = np.linalg.norm(np.diff(self.hip, axis=0, prepend=self.hip[:1]), axis=1)
+        force_steps = np.linalg.norm(np.diff(self.force, axis=0, prepend=self.force[:1]), axis=1)
+        smallest = steps[steps > STILL].min(initial=float(steps.max()))
+        leaps = force_steps > LEAP * self.stiffness * (steps + smallest)
+        beside = np.convolve(leaps, np.ones(2 * LEAP_TICKS + 1), mode="same") > 0.0
+        # A path that leaps all the time tells what it does.
+        return np.asarray(~beside if np.mean(beside) < MOST_LEAPING else np.ones(len(steps), dtype=bool))
 
     @cached_property
     def cornered(self) -> BoolArray:

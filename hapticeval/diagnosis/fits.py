@@ -191,10 +191,12 @@ def search(left: Callable[[float], float], low: float, high: float, points: int 
     )
 
 
-def fit_hold(signal: Array, source: Array, around: int | None = None) -> tuple[int, float] | None:
-    """Return every how many ticks `signal` (n, N) is renewed from `source`, and what that leaves; None where it is not.
+def fit_hold(signal: Array, source: Array, around: int | None = None) -> tuple[int, Array] | None:
+    """Return every how many ticks `signal` (n, N) is renewed from `source`, and the source so held; None if it is not.
 
-    By the gaps between its changes where it repeats exactly while the source moves, else about `around` ticks.
+    By the gaps between its changes where it repeats exactly while the source moves, else from two thirds of `around`
+    ticks to three halves. From renewal to renewal the signal is compared with one row: its sum there is all that
+    counts.
     """
     if around is None:
         moves = np.any(np.diff(source, axis=0) != 0.0, axis=1)
@@ -206,15 +208,20 @@ def fit_hold(signal: Array, source: Array, around: int | None = None) -> tuple[i
             return None
         periods = range(max(int(np.median(gaps)) - 1, 2), int(np.median(gaps)) + 2)
     else:
-        periods = range(max(around - 2, 2), around + 3)
+        periods = range(max(2 * around // 3, 2), 3 * around // 2 + 2)
+    sums = np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(signal, axis=0)])
+    squares = np.einsum("ij,ij->i", source, source)
+    fits = []
+    for period in periods:
+        for phase in range(period):
+            # The first row stands until the first renewal.
+            renewals = np.arange(phase, len(source), period) if phase == 0 else np.r_[0, phase : len(source) : period]
+            ends = np.append(renewals[1:], len(source))
+            common = np.einsum("ij,ij->", source[renewals], sums[ends] - sums[renewals])
+            fits.append((float(squares[renewals] @ (ends - renewals) - 2.0 * common), period, phase))
+    _, period, phase = min(fits)
     rows = np.arange(len(source))
-    fits = [
-        (power(signal - source[np.maximum((rows - phase) // period * period + phase, 0)]), period)
-        for period in periods
-        for phase in range(period)
-    ]
-    left, period = min(fits)
-    return period, left
+    return period, source[np.maximum((rows - phase) // period * period + phase, 0)]
 
 
 def fit_level(along: Array, size: Array) -> float:

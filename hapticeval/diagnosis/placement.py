@@ -128,8 +128,9 @@ def tool_causes(ihip: Array, contact: RightContact) -> Iterator[Cause]:
         yield Cause("offset", words, power(ihip - model), 1.0, {"metres": offset})
     hold = fit_hold(ihip, point)
     if hold is not None:
-        ticks, left = hold
-        yield Cause("hold", f"the contact point is renewed every {ticks} ticks alone", left, 1.0, {"ticks": ticks})
+        ticks, model = hold
+        words = f"the contact point is renewed every {ticks} ticks alone"
+        yield Cause("hold", words, power(ihip - model), 1.0, {"ticks": ticks})
     fit_filter = fit_low_pass(ihip - start, point - start, exact=True)
     if fit_filter.share < 0.9999:
         constant = step * (1.0 - fit_filter.share) / fit_filter.share

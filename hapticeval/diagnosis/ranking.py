@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +16,9 @@ from hapticeval.types import Array
 
 EXPLAINED = 0.95
 """Share of the residual's power, less the noise's, that a cause explains: nine tenths and a half; *chosen*."""
+
+MOSTLY = 0.5
+"""Share of what is off that is random where two runs differ by it: one run tells its size to a factor; *chosen*."""
 
 EXPLAINED_EXACTLY = 1.0 - 1e-6
 """Share of a simulated force's deviation that its cause explains: what explains less may only look like it."""
@@ -43,6 +46,13 @@ FEWEST_TOUCHING = 5
 
 MISSING_FOR_A_REASON = ("early release", "dead band")
 """Causes for which a force is missing: where they explain enough, they are named in its place."""
+
+NEXT_TO_NO_FORCE = 0.01
+"""Gain below which a force is missing, within what noise leaves of it; *chosen*."""
+
+SECOND_EFFECT = 0.01
+"""Share of the force by which a wider cause has to be better than a part of it in a log; *chosen*, as what encoders
+leave of the force of a hand that is pressed."""
 
 TELLS_APART = (
     ({"gain", "unit", "limit", "offset", "power of the depth"}, "a press that deepens slowly would tell"),
@@ -106,34 +116,33 @@ def diagnose(
     *,
     noisy: bool = False,
     tolerance: float = 0.0,
-    again: Array | None = None,
+    again: Callable[[], Array] | None = None,
     boundary: Boundary | None = None,
 ) -> Diagnosis:
     """Say why a force (n, N), N, or contact points `ihip` (n, N), m, are not those of the `contact`.
 
-    `noisy` is a measured log. `tolerance` (m) is how far the surface may lie off the model. `again` is the force of
-    the same path a second time. With the `boundary`, positions in another unit or frame are tried of a log.
+    `noisy` is a measured log. `tolerance` (m) is how far the surface may lie off the model. `again` gives the force
+    (k, N), N, of another new renderer on the same path; it is called where nothing else explains this one. With the
+    `boundary`, positions in another unit or frame are tried of a log.
     """
     right_force = contact.force
     scale = max(power(right_force), 1e-30)
-    if again is not None and power(force - again) > (EXACT**2) * 1e-6 * scale:
-        share = float(np.sqrt(power(force - again) / 2.0 / scale))
-        words = f"it is random: the same path again differs by {100.0 * share:.2g} % of the force"
-        return Diagnosis(True, "force", Cause("random", words, 0.0, 0.0, {"share": share}), 1.0)
     too_few = np.count_nonzero(contact.touches) < FEWEST_TOUCHING
     if too_few and not (noisy and boundary is not None):
         return Diagnosis(False)
+    counted = contact.told if noisy else np.ones(len(force), dtype=bool)
+    count = int(np.count_nonzero(counted))
     noise = white_noise(force - right_force) if noisy else np.zeros(force.shape[1])
-    noise_power = float(np.sum(noise**2)) * len(force)
+    noise_power = float(np.sum(noise**2)) * count
     encoder_power = 0.0
     if noisy:
         hand_rounding = contact.stiffness**2 * rounding_variance(contact.hip)
-        noise_power = max(noise_power, (rounding_variance(force) + hand_rounding) * len(force))
+        noise_power = max(noise_power, (rounding_variance(force) + hand_rounding) * count)
         # A filter of the hand's noise saves that much by chance.
         hand_noise = contact.stiffness**2 * float(np.sum(white_noise(contact.hip) ** 2))
-        encoder_power = max(hand_noise, hand_rounding) * len(force)
-    floor = EXACT**2 * scale + encoder_power + (contact.stiffness * tolerance) ** 2 * len(force)
-    total = power(force - right_force)
+        encoder_power = max(hand_noise, hand_rounding) * count
+    floor = EXACT**2 * scale + encoder_power + (contact.stiffness * tolerance) ** 2 * count
+    total = power((force - right_force)[counted])
     force_is_right = not noisy and total <= 4.0 * floor
     tool = None if ihip is None else _diagnose_tool(contact, ihip, tolerance)
     # The force is right in spite of the contact point, or that of a spring to it.
@@ -142,7 +151,7 @@ def diagnose(
         return tool
     if force_is_right:
         return Diagnosis(False)
-    deviation = Deviation(force, contact, noisy, float(np.linalg.norm(noise)))
+    deviation = Deviation(force, contact, noisy, counted, float(np.linalg.norm(noise)))
     causes = [] if too_few else [cause for explain in EXPLAINERS for cause in explain(deviation)]
     # A log may have the hand elsewhere. Asked where nothing else leaves its noise alone: it takes longer.
     if (
@@ -154,9 +163,27 @@ def diagnose(
     if not causes:  # nothing touches, and nothing but noise is felt
         return Diagnosis(False)
     found = _diagnose_force(deviation, causes, total, scale, floor, noise_power, encoder_power)
+    if found.off and found.cause is None and again is not None:
+        found = _random(force, again(), total, scale) or found
     if tool is not None and found.off:
         return replace(found, of="both")
     return found
+
+
+def _random(force: Array, other_force: Array, total: float, scale: float) -> Diagnosis | None:
+    """Return that what is off, `total` (N^2), is random, as the force of another run shows; None where it does not.
+
+    Two forces that are off by chance, and by as much, are apart by twice the power of that.
+    """
+    if other_force.shape != force.shape:
+        return None
+    scattered = 0.5 * power(force - other_force)
+    if scattered < MOSTLY * total:
+        return None
+    share = float(np.sqrt(scattered / scale))
+    words = f"it is random: two new renderers differ by {100.0 * share:.2g} % of the force"
+    cause = Cause("random", words, max(total - scattered, 0.0), 0.0, {"share": share})
+    return Diagnosis(True, "force", cause, min(scattered / total, 1.0))
 
 
 def _spring_to(ihip: Array, contact: RightContact) -> Array:
@@ -198,7 +225,15 @@ def _diagnose_force(
     ranked = _rank(causes, total, floor, samples, noisy=deviation.noisy)
     best = ranked[0]
     if deviation.noisy:
-        count = len(deviation.force)
+        # A part of it that leaves hardly more is the cause: beside a gain of 9.81 a small damper is the encoders'.
+        enough = best.left + SECOND_EFFECT**2 * power(deviation.force)
+        if best.left < ALL_BUT_NOISE * noise_power:
+            enough = best.left
+        parts = [cause for cause in ranked[1:] if cause.left < enough and _contains(best.kind, cause.kind)]
+        if parts:
+            best = min(parts, key=lambda cause: cause.cost)
+            ranked = [best, *(cause for cause in ranked if cause is not best)]
+        count = int(np.count_nonzero(deviation.counted))
         beyond_chance = count * np.log(total / max(best.left, 1e-300)) > 20.0 + best.cost * np.log(count)
         effect = np.sqrt(max(total - best.left - encoder_power, 0.0) / scale)
         rest_is_noise = best.left < ALL_BUT_NOISE * noise_power
@@ -207,7 +242,8 @@ def _diagnose_force(
     chosen = _choose(ranked, total, noise_power, "force", samples, floor, noisy=deviation.noisy)
     if deviation.noisy and chosen.cause is None:
         # What no cause explains, and is in a few rows alone, is an edge that the log passes some ticks late.
-        residual = np.sort(np.sum((deviation.force - deviation.right_force) ** 2, axis=1))
+        off = (deviation.force - deviation.right_force)[deviation.counted]
+        residual = np.sort(np.sum(off**2, axis=1))
         few = int(FEWEST_LOGGED * np.count_nonzero(deviation.contact.touches))
         if float(residual[: len(residual) - few].sum()) < RIGHT_LOG * noise_power + floor:
             return Diagnosis(False)
@@ -247,7 +283,7 @@ def _choose(
 
     if not explains(best):
         return Diagnosis(True, of, share=share(best))
-    if best.kind == "missing force":  # with a reason it says more
+    if _is_missing(best):  # with a reason it says more
         best = next((cause for cause in ranked if cause.kind in MISSING_FOR_A_REASON and explains(cause)), best)
     level = _criterion(best, total, floor, samples, noisy) + CLEARLY_LESS
     near = [
@@ -258,6 +294,14 @@ def _choose(
         if cause.kind != best.kind and not _contains(cause.kind, best.kind):
             rivals.setdefault(cause.kind, cause)
     return Diagnosis(True, of, best, share(best), tuple(rivals.values()))
+
+
+def _is_missing(cause: Cause) -> bool:
+    """Return whether a cause says only that the force is missing, somewhere or on the way out."""
+    gain = cause.numbers.get("inside")
+    return cause.kind == "missing force" or (
+        cause.kind == "gain at speeds into the model" and gain is not None and abs(gain) < NEXT_TO_NO_FORCE
+    )
 
 
 def _contains(kind: str, best: str) -> bool:

@@ -53,6 +53,8 @@ class Runs:
     """The name of a closed form (`hapticeval.closed_forms`), which the case gives or the renderer declares."""
     again: Callable[[], Recording] | None = None
     """Once more through the same renderer, which is reset in between."""
+    fresh: Callable[[int], Recording] | None = None
+    """`fresh(n)`: once more through a renderer that is made for it, the n-th of these."""
     look: Refinable | None = None
     """`base` with a way to refine a part of it."""
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
@@ -91,7 +93,7 @@ class Runs:
     @cached_property
     def observed(self) -> Callable[[Scene], Observed]:
         """`observed(scene)`: `base` in that scene, one object for all checks: each quantity is computed once."""
-        return cache(partial(Observed, self.base))
+        return cache(partial(Observed, self.base, fresh=self.fresh))
 
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""

@@ -56,6 +56,8 @@ class Observed:
 
     recording: Recording
     scene: Scene
+    fresh: Callable[[int], Recording] | None = None
+    """The same through another renderer, see `Runs.fresh`: the diagnosis asks what is random."""
 
     def __len__(self) -> int:
         return len(self.recording)
@@ -517,10 +519,19 @@ class Observed:
             )
             return diagnose(contact, self.force, noisy=logged, tolerance=self.across_allowed, **options)
 
+        def another_force() -> Array:
+            assert self.fresh is not None
+            return self.fresh(1).force
+
         own = Diagnosis(False) if ihip is None else compared_with(ihip)
         if own.cause is not None and own.share > EXPLAINED_EXACTLY and not logged:
             return own
-        right = compared_with(led, ihip=ihip, boundary=self.boundary if logged else None)
+        right = compared_with(
+            led,
+            ihip=ihip,
+            boundary=self.boundary if logged else None,
+            again=None if self.fresh is None or logged else another_force,
+        )
         return right if right.cause is not None or own.cause is None else own
 
     @property
@@ -550,7 +561,7 @@ class Observed:
 
     def with_channels(self, **channels: Array) -> Observed:
         """Return the same with other `channels` in place of those of their names."""
-        return Observed(self.recording.with_channels(**channels), self.scene)
+        return Observed(self.recording.with_channels(**channels), self.scene, self.fresh)
 
     @cached_property
     def with_nearest_points(self) -> Observed:

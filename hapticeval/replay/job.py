@@ -84,6 +84,9 @@ class ReplayTask:
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
             alone = replace(path, stretches=(part.stretch,))
 
+            def fresh(_number: int) -> Recording:
+                return rerender(make_renderer(resolve(name), scene), alone, scene)[0].recording
+
             def without(kind: str) -> Recording:
                 less = scene.without(kind)
                 return rerender(make_renderer(resolve(name), less), alone, less)[0].recording
@@ -92,6 +95,7 @@ class ReplayTask:
                 part.recording,
                 reverse=cache(lambda: rerender_backwards(renderer, path, part.stretch, scene)),
                 again=cache(lambda: rerender(renderer, alone, scene)[0].recording),
+                fresh=cache(fresh),
                 without=cache(without),
             )
 

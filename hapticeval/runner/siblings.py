@@ -95,6 +95,7 @@ class SiblingRuns:
             self.base,
             refine=self.refine,
             again=self.again,
+            fresh=self.fresh,
             moved=self.moved,
             pieces=self.renderer.pieces,
             at_speed=self.at_speed,
@@ -110,6 +111,7 @@ class SiblingRuns:
             self.base,
             refine=self.refine,
             again=self.again,
+            fresh=self.fresh,
             moved=self.moved,
             pieces=self.renderer.pieces,
             reverse=self.reverse,
@@ -136,14 +138,16 @@ class SiblingRuns:
         stretches = [rows for rows in runs_of(~unjudged_rows(motion, base.time + ahead)) if rows[1] - rows[0] > 1]
 
         def part(first: int, end: int) -> Runs:
-            refine, again, without = runs.refine, runs.again, runs.without
+            refine, again, fresh, without = runs.refine, runs.again, runs.fresh, runs.without
             assert refine is not None
             assert again is not None
+            assert fresh is not None
             return Runs(
                 base.part(slice(first, end)),
                 # row k of the base is row k * factor of the refined run
                 refine=lambda factor: refine(factor).part(slice(factor * first, factor * (end - 1) + 1)),
                 again=lambda: again().part(slice(first, end)),
+                fresh=lambda number: fresh(number).part(slice(first, end)),
                 without=None if without is None else lambda kind: without(kind).part(slice(first, end)),
                 pieces=runs.pieces,
             ).remembered()
@@ -157,6 +161,11 @@ class SiblingRuns:
     def again(self) -> Recording:
         """Record the stimulus once more; see `Runs.again`."""
         return self.record(self.stimulus, self.scene.sampling_time)
+
+    def fresh(self, _number: int) -> Recording:
+        """Record the stimulus with a renderer that is made for it; see `Runs.fresh`."""
+        renderer = make_renderer(self.factory, self.scene)
+        return self._record(renderer, self.scene, self.stimulus, self.scene.sampling_time)
 
     def reverse(self) -> Recording:
         """Record the path backwards; see `Runs.reverse`."""

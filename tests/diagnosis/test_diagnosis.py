@@ -99,5 +99,17 @@ def test_numbers_are_those_planted(situation: Situation) -> None:
 
 def test_a_random_renderer_is_called_random(situation: Situation) -> None:
     contact, rng = situation.contact, np.random.default_rng(1)
-    first, second = (contact.force * (1.0 + 1e-6 * rng.standard_normal((len(contact.force), 1))) for _ in range(2))
-    assert diagnose(contact, first, contact.point, again=second).kind == "random"
+    first, second = (contact.force * (1.0 + 0.1 * rng.standard_normal((len(contact.force), 1))) for _ in range(2))
+    diagnosis = diagnose(contact, first, contact.point, again=lambda: second)
+    assert diagnosis.kind == "random"
+    assert diagnosis.cause is not None
+    assert diagnosis.cause.numbers["share"] == pytest.approx(0.1, rel=0.1)
+
+
+def test_what_another_renderer_does_as_well_is_not_random(situation: Situation) -> None:
+    contact, rng = situation.contact, np.random.default_rng(1)
+    noise = 0.1 * rng.standard_normal((len(contact.force), 1))
+    first, second = (contact.force * (1.0 + noise + 0.03 * rng.standard_normal(noise.shape)) for _ in range(2))
+    assert diagnose(contact, first, contact.point, again=lambda: second).kind == "unexplained"
+    # What a cause explains is not asked about.
+    assert diagnose(contact, 1.1 * contact.force, contact.point, again=pytest.fail).kind == "gain"

@@ -505,6 +505,39 @@ def test_from_which_tick_on_a_reset_leaves_something_is_told(rows, off, named):
     assert finding.metric.name.startswith(named)
 
 
+@pytest.mark.parametrize(
+    ("fresh_forces", "scatter", "cause"),
+    [
+        ((0.0, 0.0), 0.0, "left over"),
+        ((0.3, 0.3), 0.0, "left over"),
+        ((0.0, 1e-9), 0.0, "random"),
+        ((0.0, 0.009), 0.01, "left over"),
+    ],
+)
+def test_what_two_new_renderers_do_differently_is_random_and_left_by_no_reset(fresh_forces, scatter, cause):
+    first = twice(scatter, 0.0).base
+
+    def pressed(off):
+        return changed(first, force=first.force + np.array([0.0, off]))
+
+    runs = Runs(first, again=lambda: pressed(0.02), fresh=lambda number: pressed(fresh_forces[number - 1]))
+    finding = found("reset-clears", runs, PLANE)
+    assert (finding.outcome, finding.evidence["cause"]) == (FAIL, cause)
+    assert finding.message.startswith(
+        "it is random: the force of two new" if cause == "random" else "a reset leaves something"
+    )
+
+
+def test_a_contact_point_alone_may_be_random():
+    first = twice(0.0, 0.0).base
+
+    def placed(number):
+        return changed(first, ihip=first.ihip + np.array([1e-9 * number, 0.0]))
+
+    finding = found("reset-clears", Runs(first, again=lambda: placed(3), fresh=placed), PLANE)
+    assert finding.message.startswith("it is random: the IHIP of two new renderers, asked the same, is up to 1e-09 m")
+
+
 def test_a_second_run_that_ends_earlier_differs_from_where_it_ends():
     finding = found("reset-clears", twice(0.0, 0.0, shorter=10), PLANE)
     assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 90)

@@ -266,3 +266,39 @@ class TestFindings:
         assert outcomes == dict.fromkeys(set(PRESS.checks) - {"memoryless"}, Outcome.PASS)
         assert "no way back" in judged.error.why
         assert judged.recording is not None
+
+
+class Random(Spring):
+    """A spring whose force has a millionth of noise of its own in each run."""
+
+    def __init__(self, scene):
+        super().__init__(scene)
+        self.noise = np.random.default_rng()
+
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force * (1.0 + 1e-6 * self.noise.standard_normal()))
+
+
+class LeftOver(Spring):
+    """A spring that is harder in every run after the first."""
+
+    runs = 0
+
+    def reset(self, hip):
+        super().reset(hip)
+        self.runs += 1
+
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force * (1.0 + 1e-6 * self.runs))
+
+
+@pytest.mark.parametrize(
+    ("renderer", "words"), [(Random, "it is random: the force of two new"), (LeftOver, "a reset leaves something")]
+)
+def test_what_is_random_is_not_taken_for_what_a_reset_leaves(renderer, words):
+    judged = judge(renderer, "mine", "outsiders", PRESS)
+    (verdict,) = [verdict for verdict in judged.verdicts if verdict.check == "reset-clears"]
+    assert (verdict.outcome, verdict.level) == (Outcome.FAIL, Level.MUST)
+    assert verdict.finding.message.startswith(words)

@@ -304,6 +304,9 @@ CHECK = Check(
     citation="thesis 3.2, 3.2.1; 4.1.2 (pop-through)",
     channels=("hip", "ihip"),
     reads_also=("force",),
+    siblings={
+        "fresh": "for a failure without a known cause, through a new renderer",
+    },
     not_for={Situation.BILATERAL: "a surface that holds the tool from both sides is never left"},
     metric="how far the hand gets past the surface without contact",
     unit="m",

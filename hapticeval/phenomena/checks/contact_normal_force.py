@@ -391,6 +391,9 @@ CHECK = Check(
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
     reads_also=("ihip", "operator_force", "velocity", "joint_torque"),
+    siblings={
+        "fresh": "for a failure without a known cause, through a new renderer",
+    },
     not_with=(Alters.FREE_SPACE, Alters.MOTION),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",

@@ -45,7 +45,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         how = "as nearly as the renderer declares" if any(scatter.values()) else "to the bit"
         message = f"after a reset the same way gives the same answers, {how}"
         return Finding(Outcome.PASS, message, metric, scatter[name], evidence)
-    evidence["first_tick"] = int(np.argmax(differs)) if differs.any() else rows
+    random = _unlike_each_other(runs, base, scatter)
+    if random is not None:
+        return Finding(Outcome.FAIL, random, metric, scatter[name], {**evidence, "cause": "random"})
+    evidence |= {"cause": "left over", "first_tick": int(np.argmax(differs)) if differs.any() else rows}
     message = (
         f"a reset leaves something behind: the second run is off by up to {metric.value:.3g} {metric.unit}, "
         f"first at tick {evidence['first_tick']}"
@@ -57,6 +60,21 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lengths_differ:
         message += f"; it has {len(again)} ticks, and the first {len(base)}"
     return Finding(Outcome.FAIL, message, metric, scatter[name], evidence)
+
+
+def _unlike_each_other(runs: Runs, base: Observed, scatter: dict[str, float]) -> str | None:
+    """Return that two new renderers answer the same way differently, which no reset has left; None if they do not."""
+    if runs.fresh is None:
+        return None
+    first, second = Observed(runs.fresh(1), base.scene), runs.fresh(2)
+    rows = min(len(first), len(second))
+    for name, shown, unit in (("force", "force", "N"), ("ihip", "IHIP", "m")):
+        differences = _apart(first, second, name, rows)
+        if (differences > scatter[name]).any():
+            worst = worst_row(differences)
+            far, where = f"{differences[worst]:.3g} {unit}", first.time_and_hip(worst)
+            return f"it is random: the {shown} of two new renderers, asked the same, is up to {far} apart, at {where}"
+    return None
 
 
 FORCE_CHANNEL = ("force", "force", "N")
@@ -95,7 +113,10 @@ CHECK = Check(
     citation="the renderer protocol: reset(hip) starts a run",
     channels=("hip", "force"),
     reads_also=("ihip",),
-    siblings={"again": "the same stimulus once more through the same renderer"},
+    siblings={
+        "again": "the same stimulus once more through the same renderer",
+        "fresh": "where that differs, through two new ones",
+    },
     needs={"again": not_applicable(NOBODY)},
     not_with=(),
     metric="force, or IHIP, after a reset less that before",
