@@ -34,7 +34,6 @@ from hapticeval.reports.templates import (
     case_file,
     environment,
 )
-from hapticeval.runner.folder import LOCK
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 CASE_ASSETS = ("report.css", "case.css", "draw.js", "case.js")
@@ -192,6 +191,12 @@ class CaseView:
 
         return {v.check: read_page(CHECKS[v.check]).question for v in self.judged if v.check in CHECKS}
 
+    def item(self, verdict: VerdictEntry) -> str:
+        """Return the item of its check's page that a failure is about, "" of a verdict that is none."""
+        from hapticeval.phenomena.registry import item_words
+
+        return item_words(verdict.check, verdict.evidence) if verdict.outcome is Outcome.FAIL else ""
+
     # What is drawn.
 
     @property
@@ -290,7 +295,8 @@ def write_view(
 
     Raises `InputError` for a folder that holds other files than those of an earlier page.
     """
-    others = (path for path in folder.iterdir() if path.name != LOCK) if folder.is_dir() else ()
+    # The file by which a command locks the folder, where the system cannot, is none of a user's.
+    others = (path for path in folder.iterdir() if path.suffix != ".lock") if folder.is_dir() else ()
     is_empty = not any(others) and (folder.is_dir() or not folder.exists())
     if not is_empty and not holds_earlier_view(folder):
         raise InputError(

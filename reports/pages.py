@@ -443,12 +443,16 @@ OTHER_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\.md[^)]*\)")
 """Links to the page of a check, which is a place on this one, and to other pages of the documentation."""
 
 
+COMMENT = re.compile(r" *<!--.*?-->")
+"""What an item of a check's page says to `CheckPage.item_of` alone."""
+
+
 def html_of(page: str) -> str:
-    """Return a check's page in Markdown as HTML without its title; HTML in it is escaped."""
+    """Return a check's page in Markdown as HTML without its title and its comments; other HTML in it is escaped."""
     from markdown_it import MarkdownIt
 
     # Title off, links to checks into anchors of this page, other links to their text, headings one level down.
-    body = HEADING.sub("### ", OTHER_LINK.sub(r"\1", CHECK_LINK.sub(r"](#\1)", TITLE.sub("", page))))
+    body = HEADING.sub("### ", OTHER_LINK.sub(r"\1", CHECK_LINK.sub(r"](#\1)", COMMENT.sub("", TITLE.sub("", page)))))
     return str(MarkdownIt("commonmark", {"html": False}).render(body))
 
 

@@ -171,12 +171,12 @@ def explanation(word: str) -> str:
     from hapticeval.study.thesis.printed import PLACE
 
     if word in CHECKS:
-        return columns(check_rows(CHECKS[word]))
+        return _check_text(CHECKS[word])
     if PLACE.fullmatch(word):
         return paragraphs(*map(columns, place_parts(word)))
     called = checks_called(word)
     if len(called) == 1:
-        return columns(check_rows(CHECKS[called[0]]))
+        return _check_text(CHECKS[called[0]])
     pages = read_pages()
     named = called or [name for name, page in pages.items() if has_word(page.text, word)]
     if not named:
@@ -221,27 +221,35 @@ def place_parts(name: str) -> Iterator[Rows]:
         yield iter([("checks that cite it", ", ".join(checks_citing))])
 
 
+def _check_text(check: Check) -> str:
+    """Return what is asked first of a check: a screen of 24 lines."""
+    from hapticeval.phenomena.pages import page_file
+
+    # A check of another package brings its page along, and not as a file.
+    more = "" if check.page else f", more in {page_file(check)}"
+    return lines([f"{check.id} ({check.level.value}){more}", columns(check_rows(check))])
+
+
 def check_rows(check: Check) -> Rows:
     """Yield what is asked first of a check; its page has the rest."""
     from hapticeval.phenomena.inherent import declaration_words, limits_of
-    from hapticeval.phenomena.pages import page_file, read_page
+    from hapticeval.phenomena.pages import read_page
 
     page = read_page(check)
-    yield check.id, page.question
+    yield "asks", page.question
     if page.also_called:
         yield "also called", ", ".join(page.also_called)
     yield "formula", check.formula
-    yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
+    yield "metric", f"{check.metric} ({check.unit or 'a ratio'})"
     yield "bound", page.bound
-    if page.first_cause:
-        yield "if it fails", page.first_cause
+    if page.items:
+        yield "if it fails", "; ".join(f"{item.number}. {item.title}" for item in page.items)
     for declared, because in limits_of(check.id).items():
-        how = declaration_words(declared)
-        yield "inherent", f"for a renderer that declares {declared}: {because}; in its class: {how}"
-    yield "level", check.level.value
-    # Channels that it needs, and those that it uses where they are there.
-    yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])
-    yield "also runs", "; ".join(check.siblings.values()) or "none"
+        yield "inherent", f"in {declaration_words(declared).removeprefix('declares = ')}: {because}"
+    also = f"; where recorded: {', '.join(check.reads_also)}" if check.reads_also else ""
+    yield "reads", ", ".join(check.channels) + also
+    if check.siblings:
+        yield "also runs", "; ".join(check.siblings.values())
     if check.needs:
         yield "needs", "; ".join(check.siblings[sibling] for sibling in check.needs)
     if check.not_for:
@@ -251,8 +259,6 @@ def check_rows(check: Check) -> Rows:
     if check.not_with:
         yield "not with", "an effect that makes " + ", or ".join(check.not_with)
     yield "source", check.citation
-    if not check.page:
-        yield "more", f"{page_file(check)}: the bound's derivation, what it does not see, causes of a fail"
 
 
 def _first_sentence(factory: object) -> str:

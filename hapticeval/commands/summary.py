@@ -239,11 +239,22 @@ def _verdict_words(verdict: VerdictEntry) -> str:
         "inherent because": verdict.inherent,
         "fail here too": ", ".join(verdict.alike) if verdict.standing.unexpected else "",
         "may be inherent": _inherent_hint(verdict),
+        "see": _page_words(verdict),
     }
     note_lines = [f"{label}: {text}" for label, text in notes.items() if text]
     return lines(
         [paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, *note_lines) if text)]
     )
+
+
+def _page_words(verdict: VerdictEntry) -> str:
+    """Return the item of its check's page that a failure is about, and the command that shows the page's."""
+    if verdict.outcome is not Outcome.FAIL or not verdict.standing.unexpected:
+        return ""
+    from hapticeval.phenomena.registry import item_words  # which loads what the checks need
+
+    item = item_words(verdict.check, verdict.evidence)
+    return f"{item}: hapticeval explain {verdict.check}" if item else ""
 
 
 def _inherent_hint(verdict: VerdictEntry) -> str:

@@ -15,11 +15,13 @@ from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pkgutil import iter_modules
+from typing import Any
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, describe_error
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.pages import CheckPage, read_page
+from hapticeval.phenomena.verdict import kind_of_fault
 from hapticeval.registrations import by_name, entries_of
 
 CHECK_GROUP = "hapticeval.checks"
@@ -115,6 +117,20 @@ def read_pages() -> Mapping[str, CheckPage]:
         with suppress(HapticevalError):
             pages[name] = read_page(CHECKS[name])
     return pages
+
+
+def item_words(check: str, evidence: Mapping[str, Any]) -> str:
+    """Return which item of its check's page a failure with this evidence is about, as "2. A damper acts", or "".
+
+    Where the check tells no kinds of a failure apart, it is the most common one, and the words say so.
+    """
+    try:
+        item = read_page(CHECKS[check]).item_of(evidence)
+    except HapticevalError:  # of a package that is no longer installed, or broken
+        return ""
+    if item is None:
+        return ""
+    return f"{item.number}. {item.title}" + ("" if kind_of_fault(evidence) else " (the most common cause)")
 
 
 def checks_called(word: str) -> list[str]:

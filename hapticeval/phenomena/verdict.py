@@ -115,6 +115,15 @@ class Facts:
         return self.severity or self.kind or ""
 
 
+def kind_of_fault(evidence: Mapping[str, Any]) -> str:
+    """Return which kind of fault a failure's evidence states: its cause, or which of its check's faults it is; else "".
+
+    "unexplained" stands for a cause that nobody knows.
+    """
+    cause, fault = str(evidence.get("cause", "")), Facts.of(evidence).fault
+    return fault if cause in ("unexplained", "none") and fault else cause or fault
+
+
 def not_applicable(message: str) -> Finding:
     """Return the finding of a check that has no question here."""
     return Finding(Outcome.NOT_APPLICABLE, message)

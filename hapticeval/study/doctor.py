@@ -449,7 +449,7 @@ def _check_non_finite(case: Case) -> StateAndText:
     # Whatever it answered: after a reset it must be as before, to the bit.
     if not all(map(np.array_equal, before, _answers_along(case, hips, dt))):
         return State.MISSING, "after a HIP that is not finite, and a reset, it answers otherwise than before"
-    fault = fault_without_hip(answer, after, force_floor(case.scene))
+    _, fault = fault_without_hip(answer, after, force_floor(case.scene))
     if fault:
         return State.MISSING, f"{fault}: refuse it, or return no force, before any state is touched"
     return State.OK, f"a HIP that is missing {'is refused' if answer is None else 'gets no force'}"

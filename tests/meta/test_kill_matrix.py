@@ -22,8 +22,9 @@ from mutants import BESIDES, MUTANTS
 from publishing import concerned, only_check, publishing
 
 from hapticeval.files import replacing
+from hapticeval.phenomena.pages import read_page
 from hapticeval.phenomena.registry import OWN_CHECKS
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, kind_of_fault
 from hapticeval.rigid_contact import ideal
 from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
@@ -126,6 +127,17 @@ def test_what_an_outsider_breaks_is_found(name):
 
 def test_no_check_is_without_a_renderer_that_it_stops():
     assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN_CHECKS)
+
+
+@pytest.mark.parametrize("name", [*BROKEN, *FAULTY])
+def test_each_failure_leads_to_an_item_of_its_checks_page(name):
+    failures = {place: finding for place, finding in findings(name).items() if finding.outcome is Outcome.FAIL}
+    kinds = {
+        (check, kind_of_fault(finding.evidence))
+        for (_, check), finding in failures.items()
+        if read_page(OWN_CHECKS[check]).item_of(finding.evidence) is None
+    }
+    assert not kinds, "the page of the check lists that kind in a comment of the item that is about it"
 
 
 @pytest.mark.parametrize("name", JUDGED)

@@ -15,6 +15,9 @@ from hapticeval.phenomena.registry import OWN_CHECKS
 
 FOLDER = Path(__file__).parents[2] / "docs" / "checks"
 HEADINGS = ["Bound", "What it does not see", "When it fails"]
+LONGEST_TITLE = 70
+"""Characters: titles stand in one row of what `hapticeval explain` prints, and beside verdicts."""
+
 TOY = "# toy\n\nIs it *weak*,\nas `toys` are?\n\n## Bound\n\nHalf a [newton](x.md).\n\nNo more.\n\n- derivation\n"
 
 
@@ -29,7 +32,12 @@ def test_a_page_has_the_parts_that_a_reader_looks_for(check: str) -> None:
     assert text.startswith(f"# {check}\n\n{page.question[:10]}")
     assert re.findall(r"^## (.+)$", text, re.MULTILINE) == [*["Also called"] * bool(page.also_called), *HEADINGS]
     assert page.question.endswith("?")
-    assert page.first_cause
+    assert page.items
+    assert all(item.title and len(item.title) <= LONGEST_TITLE for item in page.items)
+    # A kind leads to one item.
+    kinds = [kind for item in page.items for kind in item.kinds]
+    assert len(kinds) == len(set(kinds))
+    assert "" not in kinds
     assert page.text == text
 
 
@@ -48,10 +56,13 @@ def test_a_page_names_checks_and_pages_that_exist(check: str) -> None:
 
 
 def test_a_page_is_read_as_plain_text() -> None:
-    page = parse_page(TOY + "\n## When it fails\n\n1. **Heavy.** Take `less`.\n2. Other.\n")
+    page = parse_page(TOY + "\n## When it fails\n\n1. **Heavy.** Take `less`. <!-- mass -->\n2. Other. See x.\n")
     assert page.question == "Is it weak, as toys are?"
     assert page.bound == "Half a newton. No more."
-    assert page.first_cause == "Heavy. Take less."
+    assert [(item.number, item.title, item.text, item.kinds) for item in page.items] == [
+        (1, "Heavy", "Heavy. Take less.", ("mass",)),
+        (2, "Other", "Other. See x.", ()),
+    ]
     assert page.also_called == ()
 
 
@@ -62,7 +73,30 @@ def test_a_page_may_say_what_others_call_it() -> None:
 
 
 def test_a_page_may_list_no_causes() -> None:
-    assert parse_page(TOY).first_cause == ""
+    assert parse_page(TOY).items == ()
+    assert parse_page(TOY).item_of({}) is None
+
+
+@pytest.mark.parametrize(
+    ("evidence", "number"),
+    [
+        ({}, 1),
+        ({"cause": "gain"}, 1),
+        ({"cause": "gain + drag"}, 1),
+        ({"cause": "gain at depths"}, 2),
+        ({"cause": "gain at depths + lag"}, 2),
+        ({"cause": "gains"}, None),
+        ({"cause": "lag"}, None),
+        ({"kind": "let go"}, 2),
+        ({"kind": "let go", "cause": "gain"}, 1),
+        ({"kind": "let go", "cause": "unexplained"}, 2),
+        ({"cause": "unexplained"}, None),
+    ],
+)
+def test_a_finding_leads_to_the_item_of_its_kind(evidence: dict[str, str], number: int | None) -> None:
+    items = "1. **One.** <!-- gain -->\n2. **Two.** <!-- gain at depths, let go -->\n"
+    item = parse_page(f"{TOY}\n## When it fails\n\n{items}").item_of(evidence)
+    assert (item and item.number) == number
 
 
 @pytest.mark.parametrize(

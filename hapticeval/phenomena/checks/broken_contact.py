@@ -75,7 +75,7 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
     too_early = early >= late and not late > allowed
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + ticks_to_zero, len(base) - 1)
     if too_early:
-        fails = _describe_loss(
+        cause, fails = _describe_loss(
             pushes=bool(pushes[tick]),
             at_face=bool(crossing.tool[tick]),
             along_n_pre=bool(first_face[tick]),
@@ -83,11 +83,13 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
         )
     else:
         besides = f"; besides, n_pre is lost {mm(early)} before it" if early > allowed else ""
-        fails = f"a force remains up to {mm(late)} past the corner{besides}"
+        cause, fails = "remains", f"a force remains up to {mm(late)} past the corner{besides}"
+    far = early if too_early else late
     return compared(
-        CHECK.measured(early if too_early else late),
+        CHECK.measured(far),
         allowed,
         {
+            **({"cause": cause} if far > allowed else {}),
             **base.evidence_at(tick),
             "corner": listed(crossing.place),
             "lost_before_corner_m": early,
@@ -100,14 +102,16 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
     )
 
 
-def _describe_loss(*, pushes: bool, at_face: bool, along_n_pre: bool, early: float) -> str:
-    """Return in words what is lost `early` (m) before a corner: the force, its face, its direction or its size."""
+def _describe_loss(*, pushes: bool, at_face: bool, along_n_pre: bool, early: float) -> tuple[str, str]:
+    """Return what is lost `early` (m) before a corner, kind and words: the force, its face, direction or size."""
     before = f"{mm(early)} before the corner"
     if not pushes:
-        return f"the force is lost {before}"
+        return "lost", f"the force is lost {before}"
     if not at_face:
-        return f"the force leaves n_pre {before}: another face pushes"
-    return f"the force {'falls below half of the usual' if along_n_pre else 'leaves n_pre'} {before}"
+        return "another face", f"the force leaves n_pre {before}: another face pushes"
+    if along_n_pre:
+        return "falls", f"the force falls below half of the usual {before}"
+    return "turns", f"the force leaves n_pre {before}"
 
 
 def _next_contact_of_standoff(base: Observed, first: int, end: int) -> int:

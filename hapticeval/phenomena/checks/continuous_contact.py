@@ -140,7 +140,7 @@ def _find_off_surface(base: Observed) -> Finding | None:
         return None
     message = f"the IHIP in contact lies {mm(largest_distance)} off the surface at {base.time_and_hip(worst)}"
     metric = Metric("distance of the IHIP in contact from the surface", largest_distance, "m")
-    evidence = {**base.evidence_at(worst), **Facts(off_surface_m=largest_distance).evidence}
+    evidence = {**base.evidence_at(worst), **Facts(off_surface_m=largest_distance).evidence, "cause": "off the surface"}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
@@ -197,7 +197,7 @@ def _judge_refined(base: Observed, refine: Callable[[int], Observed], tick: int 
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
         fault = _fault_of_sibling(base, fine, factor, tick)
         if fault is not None:
-            return replace(fault, evidence=evidence)
+            return replace(fault, evidence=evidence | {"cause": "sampling rate"})
         # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
         bound = float(bounds[worst])
         slope = _shrinking_slope(jumps)
@@ -435,12 +435,9 @@ CHECK = Check(
     channels=("hip", "ihip"),
     reads_also=("force", "measured_hip"),
     siblings={
-        "pieces": "the edges or triangles that a renderer was given: steps that they make are not its fault",
-        "look": (
-            "of a path, each place where the IHIP moves far, in up to 64 sub-steps of a sub-step, and the way by a "
-            "jump at 2 and 4 times the sampling rate"
-        ),
-        "refine": "else the whole run at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
+        "pieces": "the edges that it was given",
+        "look": "each place of a path where the IHIP moves far, in sub-steps",
+        "refine": "or the run at 2 to 32 times the rate",
     },
     not_with=(Alters.FREE_SPACE, Alters.CONTACT_POINT),
     metric="IHIP jump that refinement leaves",

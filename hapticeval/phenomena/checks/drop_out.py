@@ -10,21 +10,25 @@ from hapticeval.phenomena.verdict import Finding, Outcome, not_applicable, undec
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
+FORCE_STAYS, FORCE_IS_NAN, STATE_SPOILED = "force stays", "no number", "spoiled"
+"""Which fault it is: a force without a hand, NaN for one, and a state that has seen one."""
 
-def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -> str:
-    """Return what is wrong with forces (N,), N, in a tick without a HIP and in the next, which has one; "" for nothing.
 
-    None stands for a refusal, and what is at most the `floor` (N) for no force. The doctor asks by the same rule.
+def fault_without_hip(answer: Array | None, after: Array | None, floor: float) -> tuple[str, str]:
+    """Return what is wrong with forces (N,), N, in a tick without a HIP and in the next, which has one: kind, words.
+
+    Both are "" for nothing. None stands for a refusal, and what is at most the `floor` (N) for no force. The doctor
+    asks by the same rule.
     """
     if answer is not None and not np.isfinite(answer).all():
-        return "a HIP that is missing gets a force that is no number"
+        return FORCE_IS_NAN, "a HIP that is missing gets a force that is no number"
     if answer is not None and np.linalg.norm(answer) > floor:
-        return f"a HIP that is missing gets {np.linalg.norm(answer):.3g} N"
+        return FORCE_STAYS, f"a HIP that is missing gets {np.linalg.norm(answer):.3g} N"
     if after is None:
-        return "after a HIP that was missing for a tick, the next one is refused"
+        return STATE_SPOILED, "after a HIP that was missing for a tick, the next one is refused"
     if not np.isfinite(after).all():
-        return "after a HIP that was missing for a tick, the force is no number any more"
-    return ""
+        return STATE_SPOILED, "after a HIP that was missing for a tick, the force is no number any more"
+    return "", ""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -37,7 +41,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand feels no force that could stay on")
     answer, after = required(runs.dropped_out)(tick)
     evidence = {**base.evidence_at(tick), "force_before_N": before, "refused": answer is None}
-    fault = fault_without_hip(answer, after, floor)
+    kind, fault = fault_without_hip(answer, after, floor)
+    if fault:
+        evidence["cause"] = kind
     left = 0.0 if answer is None else float(np.linalg.norm(answer))
     if not np.isfinite(left):
         return Finding(Outcome.FAIL, fault, evidence=evidence)

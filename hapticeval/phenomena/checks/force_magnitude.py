@@ -75,7 +75,8 @@ def _judge_two_forces(runs: Runs, base: Observed) -> Finding | None:
         f"one HIP has two forces: {newtons(two.size)} at {base.time_and_hip(two.tick)}, and {newtons(two.other)} "
         f"{two.how}; a declared stiffness may vary with place and depth alone"
     )
-    evidence = {**base.evidence_at(two.tick), "force_N": two.size, "other_force_N": two.other, "other_way": two.how}
+    forces = {"force_N": two.size, "other_force_N": two.other, "other_way": two.how}
+    evidence = {**base.evidence_at(two.tick), "cause": "two forces", **forces}
     metric = Metric("difference of two forces at one HIP", two.difference, "N")
     return Finding(Outcome.FAIL, message, metric, two.allowed, evidence, Level.MUST)
 
@@ -334,8 +335,9 @@ CHECK = Check(
     channels=("hip", "ihip", "force"),
     reads_also=("velocity", "measured_hip", "measured_velocity"),
     siblings={
-        "reverse": "of a stiffness that is declared to vary, the same HIPs in the opposite order",
-        "refine": "of such a one, the same stimulus at twice the sampling rate",
+        "reverse": "of a stiffness that is declared to vary, the same HIPs backwards",
+        "refine": "and at twice the sampling rate",
+        "fresh": "for a failure without a known cause, through a new renderer",
     },
     metric="apparent stiffness less the scene's, as a share of it",
     unit="",

@@ -51,10 +51,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     where = f"at t = {base.time[worst]:.4g} s, while the hand {'leaves' if speed > 0.0 else 'enters'} at "
     where += f"{abs(speed):.3g} m/s"
     metric = CHECK.measured(pull[worst])
+    cause = {"cause": "leaving" if speed > 0.0 else "entering"} if pull[worst] > allowed[worst] else {}
     finding = compared(
         metric,
         float(allowed[worst]),
-        {**base.evidence_at(worst), "leaving_m_s": speed, "lag_ticks": lag},
+        {**base.evidence_at(worst), "leaving_m_s": speed, "lag_ticks": lag} | cause,
         passes="the force never draws the hand in",
         fails=f"the force draws the hand in by {metric.value:.3g} N {where}"
         + (": a damper that is not clipped does that" if speed > 0.0 else ""),

@@ -138,6 +138,7 @@ def _finding(base: Observed, contact: BoolArray, motion_names: Sequence[str], ch
         "rows_exempt": int((contact & ~clear).sum()),
     }
     if excess.max() > ANSWER_CHANGE:
+        evidence["cause"] = motion_name
         return Finding(
             Outcome.FAIL,
             f"with the scene {motion_name}, the answer is off by {mm(off)}, {off / size:.2g} of "
