@@ -42,6 +42,8 @@ COLUMNS = {
     "fcl-triangles": "hapticeval.examples.engines.fcl_tools:Triangles",
     "fcl-convex": "hapticeval.examples.engines.fcl_tools:Convex",
     "fcl-coupled": "hapticeval.examples.engines.fcl_tools:Coupled",
+    "bullet-query": "hapticeval.examples.engines.bullet_tools:Query",
+    "bullet-coupled": "hapticeval.examples.engines.bullet_tools:Coupled",
 }
 
 SETTINGS = {
@@ -51,6 +53,10 @@ SETTINGS = {
     "shown": "hapticeval.examples.engines.mujoco_tools:Shown",
     "other-solver": "hapticeval.examples.engines.fcl_tools:OtherSolver",
     "fcl-shown": "hapticeval.examples.engines.fcl_tools:Shown",
+    "bullet-exact": "hapticeval.examples.engines.bullet_tools:Exact",
+    "bullet-fine": "hapticeval.examples.engines.bullet_tools:Fine",
+    "bullet-shown": "hapticeval.examples.engines.bullet_tools:Shown",
+    "bullet-swept": "hapticeval.examples.engines.bullet_tools:Swept",
 }
 """Settings that are tried against what fails, each a class of its own."""
 
@@ -67,16 +73,18 @@ TRIED = {
     "fcl-triangles": ("fcl-convex",),
     "fcl-convex": ("other-solver", "fcl-coupled"),
     "fcl-coupled": ("fcl-shown",),
+    "bullet-query": ("bullet-exact", "bullet-coupled"),
+    "bullet-coupled": ("bullet-fine", "bullet-shown", "bullet-swept"),
 }
 """What was tried against what fails in a column: settings, or another column."""
 
 INTRODUCTION = """\
 # Physics engines as renderers
 
-MuJoCo {mujoco} and python-fcl {fcl}, judged as renderers in two uses. A query asks for the depth at the hand and puts a
-spring on it. A coupled tool is a ball that the hand holds by a spring and that contacts push. The adapters stand in
-`examples/engines`, some 40 lines a class, for you to change. The extra `engines` of the package has the wheels, and
-`make engines` writes this page.
+MuJoCo {mujoco}, python-fcl {fcl} and Bullet, as pybullet {bullet}, judged as renderers in two uses. A query asks for
+the depth at the hand and puts a spring on it. A coupled tool is a ball that the hand holds by a spring and that
+contacts push. The adapters stand in `examples/engines`, some 40 lines a class, for you to change. The extra `engines`
+of the package has the wheels; pybullet has them for Python 3.11 on Linux alone. `make engines` writes this page.
 
 | column | use | setting |
 | --- | --- | --- |
@@ -86,6 +94,8 @@ spring on it. A coupled tool is a ball that the hand holds by a spring and that 
 | `fcl-triangles` | query | the mesh as triangles |
 | `fcl-convex` | query | the mesh as a convex body |
 | `fcl-coupled` | coupled tool | a convex body, and a contact spring ten times as stiff as the coupling |
+| `bullet-query` | query | the mesh as a convex hull, whose margin of 1 mm is declared as standoff |
+| `bullet-coupled` | coupled tool | the same hull; the mesh as triangles where it is not convex |
 
 Against what fails these were tried, on the same cases, and of the hard ones on those that fail:
 
@@ -97,11 +107,15 @@ Against what fails these were tried, on the same cases, and of the hard ones on 
 | `shown` | the same, and the hand is shown the contact alone: the spring without damper, and nothing of a free tool |
 | `other-solver` | the convex body with `GST_INDEP` for libccd: deep in the ellipsoid 0.6 to 14 per cent of the depth |
 | `fcl-shown` | the coupled tool of FCL, and the hand is shown the contact alone |
+| `bullet-exact` | the query of a hull without a margin |
+| `bullet-fine` | the coupled tool of Bullet in ten time steps a tick |
+| `bullet-shown` | the same, and the hand is shown the contact alone |
+| `bullet-swept` | the coupled tool on triangles, swept from step to step (`ccdSweptSphereRadius`) |
 
 None of them claims to be a haptic renderer. MuJoCo documents that a mesh collides as its convex hull: models that are
 not convex are outside of its scope unless they are cut into convex parts. It documents too that its contacts are soft.
 Triangles of FCL are a surface without an inside. Its convex body takes convex models only, and the adapter refuses the
-others.
+others; so does that of Bullet's query.
 
 Judged are {cases} cases of the suites {suites}: {decided} verdicts that decide, of level must or should.
 The table has how many pass, of how many; a dash where none decides."""
@@ -186,7 +200,7 @@ def plate_lines() -> list[str]:
     """Return the table of pushes that plates hold: a line for a tool and a thickness, a column for a speed."""
     heads = ["tool", "plate", *(f"{speed:g} m/s" for speed in SPEEDS)]
     lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
-    for title in ("mujoco-coupled", "mujoco-stiff", "fine", "fcl-coupled"):
+    for title in ("mujoco-coupled", "mujoco-stiff", "fine", "fcl-coupled", "bullet-coupled", "bullet-swept"):
         factory = resolve((COLUMNS | SETTINGS)[title])
         for thickness in PLATES:
             pushes = [largest_push(factory, thickness, speed) for speed in SPEEDS]
@@ -198,8 +212,9 @@ MOVING_WORDS = """\
 ## Bodies that move
 
 The cases in space of the suite `moving`: how many verdicts of level must pass, of how many, where the engine itself
-moves the model: MuJoCo a mocap body, FCL a transform. Beside it the same with the model at rest in the engine and the
-hand taken into its frame (`hapticeval.AtRest`). What passes at rest alone is lost by the motion."""
+moves the model: MuJoCo a mocap body, FCL a transform, Bullet a body without mass. Beside it the same with the model at
+rest in the engine and the hand taken into its frame (`hapticeval.AtRest`). What passes at rest alone is lost by the
+motion."""
 
 
 def at_rest_in(factory: RendererFactory) -> RendererFactory:
@@ -311,6 +326,7 @@ def page(
         INTRODUCTION.format(
             mujoco=version("mujoco"),
             fcl=version("python-fcl"),
+            bullet=version("pybullet"),
             cases=len({(entry.suite, entry.case) for entry in of_columns if entry.outcome in ("pass", "fail")}),
             suites=", ".join(f"`{suite}`" for suite in dict.fromkeys(entry.suite for entry in asked)),
             decided=sum(entry.outcome in ("pass", "fail") for entry in of_columns),
