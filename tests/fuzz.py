@@ -7,6 +7,7 @@
     .venv/bin/python tests/fuzz.py ideal-in-space 11 10000          the same on solids and surfaces
     .venv/bin/python tests/fuzz.py constraint-in-space 11 10000     the god-object there
     .venv/bin/python tests/fuzz.py ideal-moving 11 10000        both on bodies that slide and spin: constraint-moving
+    .venv/bin/python tests/fuzz.py agreement 11 1000            the god-object and the ideal contact, and -in-space
     .venv/bin/python tests/fuzz.py medial-axis 11 1000              pops of the nearest point against brute force
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
@@ -16,8 +17,10 @@ Exit codes are pytest's: 0 nothing found, 1 something found, 2 ended by the seco
 
 The ideal rigid contact fails no check in what a search draws: `ideal` judges it there, and prints each example in which
 it does as a case that can be pasted. The god-object on solids fails what a spring fails by a theorem, and jumps where a
-rigid tool that follows the hand jumps as far (thesis 4.1.3): nothing else. The nearest point pops where its path
-crosses the medial axis, as `meta/medial_axis.py` finds it by brute force, and nowhere else.
+rigid tool that follows the hand jumps as far (thesis 4.1.3): nothing else. On bodies that move, `agreement` compares it
+with the ideal contact of a tool that weighs next to nothing: but for such jumps they are one (`meta/massless.py`). The
+nearest point pops where its path crosses the medial axis, as `meta/medial_axis.py` finds it by brute force, and nowhere
+else.
 """
 
 from __future__ import annotations
@@ -32,16 +35,20 @@ import time
 import msgspec
 import numpy as np
 import pytest
+from meta.massless import compare
 from meta.medial_axis import least_distance_to_focus, worst_crossing
 
 from hapticeval.discovery import resolve
+from hapticeval.errors import RefusalError
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.search.drawing import draw_cases, judgeable, judges_paths
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.case import Case
 
 OPTIONS = (
@@ -117,6 +124,9 @@ ENTRIES = {
     "constraint-in-space": ("constraint", 3),
     "ideal-moving": ("ideal", 2),
     "constraint-moving": ("constraint", 3),
+    "agreement": ("constraint@curve", 2),
+    "agreement-in-space": ("constraint", 3),
+    "medial-axis": ("minimum-distance", 3),
 }
 """By entry: the renderer that is judged, and the dimension of what a search draws."""
 
@@ -176,31 +186,47 @@ def wrongs_of_nearest_point(judged: Judged, case: Case) -> list[str] | None:
     return [f"{crossing} by brute force; the verdict: {verdict.outcome}, {verdict.finding.message}"]
 
 
+def wrongs_of_agreement(god_object: RendererFactory, case: Case) -> list[str] | None:
+    """Return where the god-object and the ideal contact part for no reason; None where one refuses the model."""
+    scene = case.build_scene()
+    path = case.build_stimulus(scene, None)
+    assert isinstance(path, Path)
+    try:
+        return compare(scene, path, god_object, resolve("ideal")).differences
+    except RefusalError:
+        return None
+
+
+def wrongs_as_judged(entry: str, renderer: RendererFactory, case: Case) -> list[str] | None:
+    """Return what an entry's renderer shows in an example that it may not show; None where that is left open."""
+    name, _ = ENTRIES[entry]
+    judged = judge(renderer, name, "fuzz", case)
+    if judged.error is not None:
+        return [f"error: {judged.error.what}"]
+    if judged.refusal is not None:
+        return None
+    if entry == "medial-axis":
+        return wrongs_of_nearest_point(judged, case)
+    return wrongs_of_ideal_or_god_object(name, judged, case)
+
+
 def judge_drawn(entry: str, seed: int, count: int, first: int = 1) -> int:
     """Judge an entry's renderer in examples `first` to `count` of a search; return how many show a failure.
 
     An example that is refused, or that brute force cannot decide, is counted as left out.
     """
-    of_medial_axis = entry == "medial-axis"
-    name, dimension = ("minimum-distance", 3) if of_medial_axis else ENTRIES[entry]
+    name, dimension = ENTRIES[entry]
+    agrees, moving = entry.startswith("agreement"), entry.startswith("agreement") or entry.endswith("-moving")
     renderer, failing, left_out = resolve(name), 0, 0
-    asked = ("continuous-contact",) if of_medial_axis else judgeable()
-    moving = entry.endswith("-moving")
+    asked = ("continuous-contact",) if agrees or entry == "medial-axis" else judgeable()
     if moving:  # in experiments bodies rest
         asked = tuple(name for name in asked if judges_paths(CHECKS[name]))
     cases = draw_cases((), asked, seed, dimension=dimension, moving=moving)
     for number, case in enumerate(itertools.islice(cases, first - 1, count), first):
         if number % SELDOM_EVERY:
             case = msgspec.structs.replace(case, checks=tuple(check for check in case.checks if check not in SELDOM))
-        judged = judge(renderer, name, "fuzz", case)
-        told: list[str] | None = [] if judged.error is None else [f"error: {judged.error.what}"]
-        if not told and judged.refusal is None:
-            told = (
-                wrongs_of_nearest_point(judged, case)
-                if of_medial_axis
-                else wrongs_of_ideal_or_god_object(name, judged, case)
-            )
-        left_out += judged.refusal is not None or told is None
+        told = wrongs_of_agreement(renderer, case) if agrees else wrongs_as_judged(entry, renderer, case)
+        left_out += told is None
         failing += bool(told)
         if told or number % 100 == 0 or number == count:
             print(
@@ -215,6 +241,6 @@ def judge_drawn(entry: str, seed: int, count: int, first: int = 1) -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] in (*ENTRIES, "medial-axis"):
+    if sys.argv[1] in ENTRIES:
         sys.exit(judge_drawn(sys.argv[1], *map(int, sys.argv[2:5])) > 0)
     sys.exit(pytest.main([*OPTIONS, *sys.argv[2:]], plugins=[Rounds(float(sys.argv[1]))]))

@@ -17,7 +17,7 @@ from hapticeval.scene import Scene
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("entry", ["ideal-in-space", "constraint-in-space", "medial-axis"])
+@pytest.mark.parametrize("entry", ["ideal-in-space", "constraint-in-space", "medial-axis", "agreement-in-space"])
 def test_in_what_a_search_draws_first_nothing_fails(entry, capsys):
     assert judge_drawn(entry, 3, 40) == 0, capsys.readouterr().out
 
