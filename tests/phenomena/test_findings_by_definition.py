@@ -178,6 +178,15 @@ def test_another_number_of_single_precision_is_no_drift(ulps, outcome):
     assert finding.outcome is outcome, finding.message
 
 
+def test_laps_that_are_in_contact_in_part_are_compared():
+    """Four laps of ten rows, half of each above a line."""
+    angle = 2.0 * np.pi * np.arange(41) / 10
+    hip = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)])
+    finding = found("drift", recorded(hip, np.column_stack([hip[:, 0], np.maximum(hip[:, 1], 0.0)])), LINE)
+    assert finding.outcome is PASS, finding.message
+    assert finding.evidence["laps"] == 4
+
+
 @pytest.mark.parametrize("free", ["forwards", "backwards"])
 def test_a_hand_that_is_met_on_one_of_two_ways_alone_has_two_answers(free):
     held = slide()

@@ -66,12 +66,13 @@ def test_a_delay_and_a_gain_come_out_together():
     assert force.gain == pytest.approx(1.4, rel=1e-3)
 
 
-def test_the_largest_place_is_where_it_was_planted_and_nothing_explains_it():
+@pytest.mark.parametrize("size", [0.8, 0.05])
+def test_the_largest_place_is_where_it_was_planted_and_nothing_explains_it(size):
     first = sliding()
     force = first.force.copy()
-    force[700] += [0.0, 0.8]
+    force[700] += [0.0, size]
     gap = overlay(first, Recording(first.time, {**first.channels, "force": force}, META)).gaps["force"]
-    assert gap.largest == pytest.approx(0.8)
+    assert gap.largest == pytest.approx(size)
     assert gap.place == pytest.approx(0.7)
     assert gap.hip == pytest.approx(first.hip[700])
     assert gap.delay is gap.gain is None
