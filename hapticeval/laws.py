@@ -199,3 +199,18 @@ def answer(
     if exit_number != 0:
         return exit_number
     return change_row(data.changes, data.closest, hip, velocity, dt, ihip, force)
+
+
+@borrowing
+def give_next(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """Give the next of answers that are known, of signature `LAW`: the rows of `data.pieces`, m, and `data.joins`, N.
+
+    Neither `hip` (N,), m, nor `velocity` (N,), m/s, is asked; `ihip` (N,), m, and `force` (N,), N, are written.
+    """
+    row = int(data.state[0])
+    for i in range(ihip.shape[0]):
+        ihip[i], force[i] = data.pieces[row, i], data.joins[row, i]
+    data.state[0] = row + 1.0
+    return 0

@@ -6,8 +6,9 @@ of the effects, in the order of the catalogue: the same compiled code from Pytho
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,6 +72,9 @@ def with_effects(renderer: WrappedRenderer, scene: Scene) -> WrappedRenderer:
             why="the renderer answers a stimulus whole and does not declare to support that",
             todo="choose a renderer that answers tick by tick; one of your own that shows it declares it in supports",
         )
+    # before anything is compiled: a base that an effect cannot be put on is refused at once
+    for effect in missing:
+        effect.check_base(scene, partial(_answer_at_rest, renderer))
     affected = Affected(renderer, missing, scene)
     # What checks and loops ask of it is the renderer's own, but for its stiffness, which the effects change.
     promise = renderer.declares
@@ -80,6 +84,57 @@ def with_effects(renderer: WrappedRenderer, scene: Scene) -> WrappedRenderer:
 
 REST_TICKS = 10
 """Ticks that a hand rests when a bare answer is asked for: more than any granted lag."""
+
+
+def _answer_at_rest(renderer: WrappedRenderer, start: Array, hip: Array) -> tuple[Array, Array]:
+    """Return the answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
+    renderer.reset(start.copy())
+    standstill, dt = np.zeros_like(hip), 1e-3
+    # it comes from `start`, and a lagging proxy has caught up by the last tick
+    for point in (start, *[hip] * REST_TICKS):
+        ihip, force = renderer.step(point.copy(), standstill, dt)
+    return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
+
+
+class Known:
+    """A renderer whose answers are known: `ihips` (n, N), m, and `forces` (n, N), N, one after the other."""
+
+    def __init__(self, ihips: Array, forces: Array) -> None:
+        from hapticeval.laws import give_next, law_data
+
+        self.law = CompiledStep(give_next, law_data(pieces=ihips, joins=forces, state=1), domain_exits={})
+        self.ihips, self.forces = self.law.data.pieces, self.law.data.joins
+
+    def reset(self, hip: Array) -> None:  # noqa: ARG002 - as every renderer
+        """Start with the first answer, wherever the hand is."""
+        self.law.data.state[0] = 0.0
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """Give the next answer, wherever the hand is (m), however fast (m/s), and however long the tick (s) lasts."""
+        answer = Response(np.empty_like(hip), np.empty_like(hip))
+        self.law.function(self.law.data, hip, velocity, velocity, dt, *answer)
+        return answer
+
+
+def put_on_answers(
+    effect: Effect, scene: Scene, count: int
+) -> Callable[[Array, Array, Array], tuple[Array, Array]]:  # fmt: skip
+    """Return what an effect makes of so many answers without it, which a run has from its reset on.
+
+    That is a function of HIPs and IHIPs, m, and forces, N, `(count, N)` each, that returns IHIPs and forces. It raises
+    `DomainError` where the effect is not defined. Raises `RefusalError` for a scene that the effect does not fit.
+    """
+    from hapticeval.simulation.playback import answers_along
+
+    known = Known(*np.empty((2, count, scene.model.dimension)))
+    affected = wrapped(Affected(wrapped(known), (effect,), scene))
+
+    def change(hips: Array, ihips: Array, forces: Array) -> tuple[Array, Array]:
+        known.ihips[:], known.forces[:] = ihips, forces
+        answers = answers_along(affected, hips, scene.sampling_time)
+        return answers.ihip, answers.force
+
+    return change
 
 
 class Affected:
@@ -97,9 +152,6 @@ class Affected:
             for k, effect in enumerate(effects, 1)
             for number, words in effect.domain_exits.items()
         }
-        # before anything is compiled: a base that an effect cannot be put on is refused at once
-        for effect in effects:
-            effect.check_base(scene, self._bare_answer)
         parts = [effect.change(scene) for effect in effects]
         boundary = scene.model.boundary
         self._compiled = closest_of(boundary) is not None
@@ -148,15 +200,6 @@ class Affected:
         It gets copies and gives some: what the renderer does to its arguments, and to its answers later, stays its own.
         """
         ihip, force = self.base.step(hip.copy(), velocity.copy(), dt)
-        return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
-
-    def _bare_answer(self, start: Array, hip: Array) -> tuple[Array, Array]:
-        """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
-        self.base.reset(start.copy())
-        standstill, dt = np.zeros_like(hip), 1e-3
-        # it comes from `start`, and a lagging proxy has caught up by the last tick
-        for point in (start, *[hip] * REST_TICKS):
-            ihip, force = self.base.step(point.copy(), standstill, dt)
         return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
     def _composed(self, law: CompiledStep | None) -> CompiledStep | None:

@@ -15,12 +15,14 @@ from hapticeval.discovery import resolve
 from hapticeval.effects import catalogue
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.effects.friction import Friction
+from hapticeval.effects.reliefs import BumpMap
+from hapticeval.effects.transients import ContactTransient
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
-from hapticeval.simulation.answers import make_renderer
+from hapticeval.simulation.answers import make_renderer, put_on_answers
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
@@ -82,6 +84,32 @@ def test_an_answer_is_the_base_s_and_the_change_s(kind, name):
         assert np.array_equal(again, found)
 
 
+@pytest.mark.parametrize("effect", [ContactTransient(material="wood"), BumpMap(wavelength=0.03, amplitude=1e-4)])
+@pytest.mark.parametrize("kind", MODELS)
+def test_an_effect_put_on_known_answers_gives_the_bits_of_the_renderer_that_shows_it(kind, effect):
+    """Twice: what an effect keeps between ticks begins anew with each run."""
+    scene = scene_of(kind, effect)
+    hips = path_into_model(scene.model.dimension)
+    without, shown = (
+        led(make_renderer(resolve("minimum-distance"), called_for), hips, 1e-3)
+        for called_for in (scene.without(effect.kind), scene)
+    )
+    put_on = put_on_answers(effect, scene, len(hips))
+    for _ in range(2):
+        assert np.array_equal(put_on(hips, *without), shown)
+    assert not np.array_equal(without[1], shown[1])
+
+
+def test_an_effect_is_put_on_known_answers_in_python_too():
+    suction = Suction(0.2)
+    scene = scene_of("circle", suction)
+    hips = path_into_model(2)
+    without = led(resolve("minimum-distance")(scene.without(suction.kind)), hips, 1e-3)
+    python = replace(scene, model=replace(scene.model, boundary=Interpreted(scene.model.boundary)))
+    found, expected = (put_on_answers(suction, each, len(hips))(hips, *without) for each in (python, scene))
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
+
+
 def test_a_closed_loop_composes_the_laws():
     """Compiled and asked tick by tick: the same bits."""
     scene = scene_of("circle", Suction(0.2), device=Parallelogram2())
@@ -96,22 +124,23 @@ def test_a_closed_loop_composes_the_laws():
     assert np.abs(runs[0].force).max() > 0.0
 
 
+class Interpreted:
+    """A boundary that offers nothing compiled."""
+
+    def __init__(self, boundary):
+        self._boundary = boundary
+
+    def __getattr__(self, name):
+        if name == "compiled_closest":
+            raise AttributeError(name)
+        return getattr(self._boundary, name)
+
+
 def test_a_boundary_in_python_gives_the_same_to_rounding():
-    class Python2:
-        """A circle that offers nothing compiled."""
-
-        def __init__(self, boundary):
-            self._boundary = boundary
-
-        def __getattr__(self, name):
-            if name == "compiled_closest":
-                raise AttributeError(name)
-            return getattr(self._boundary, name)
-
     scene = scene_of("circle", Suction(0.2))
     hips = path_into_model(2)
     answers = Python(resolve("minimum-distance")(scene))
-    bare = replace(scene.model, boundary=Python2(scene.model.boundary))
+    bare = replace(scene.model, boundary=Interpreted(scene.model.boundary))
     renderer = make_renderer(lambda _: answers, replace(scene, model=bare))
     np.testing.assert_allclose(
         led(renderer, hips, 1e-3), led(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3), rtol=1e-14
