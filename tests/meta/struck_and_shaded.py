@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from felt import changed
 from outsiders import Outsider, case
 
 from hapticeval.discovery import resolve
@@ -241,8 +242,27 @@ BROKEN: Mapping[str, Outsider] = {
 }
 """What each fault fails, and why."""
 
+
+def right(tick: Tick) -> np.ndarray:
+    return tick.shown
+
+
+def interpolates(tick: Tick) -> np.ndarray:
+    """(4.15) with a normal of unit length, by its own formula."""
+    normal = mixed(tick, lambda share: share)
+    return np.asarray(float(np.linalg.norm(tick.plain)) * normal / np.linalg.norm(normal))
+
+
 HONEST: Mapping[str, Outsider] = {
     "shaded": Outsider(resolve("minimum-distance"), cases=ROUND),
     "struck": Outsider(resolve("minimum-distance"), cases=("tap", "stop")),
+    **{
+        f"interpolates{name}": Outsider(make, cases=ROUND)
+        for name, make in changed(lambda scene: Showing(scene, interpolates)).items()
+    },
+    **{
+        f"strikes{name}": Outsider(make, cases=("tap", "stop"))
+        for name, make in changed(lambda scene: Showing(scene, right)).items()
+    },
 }
-"""The right ones: a spring with the effect put on it."""
+"""The right ones: a spring with the effect put on it, one with shading of its own, and either as real ones differ."""

@@ -16,11 +16,13 @@ from hapticeval.phenomena.decisions import (
     FIT_SAMPLES,
     IMPULSE_CLOSE,
     IMPULSE_DECAYS,
+    LAG_TICKS,
     LATE_START,
     SENSOR_NOISE,
     SINGLE_ROUNDINGS,
     TELLING_SHARE,
 )
+from hapticeval.phenomena.lag import between_ticks
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.sampling import worst_of, worst_row
@@ -53,38 +55,28 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
         return None
     time, scaled = dt * np.arange(values.size), values / peak
 
-    def both(parameters: Array) -> tuple[Array, Array]:
-        """Return the model (n,), a share of the peak, and its derivative (n, 4) by a, b, B (1/s) and w (rad/s)."""
+    def wave(parameters: Array) -> Array:
+        """Return the model (n,), as a share of the peak, of a, b, B (1/s) and w (rad/s)."""
         a, b, rate, omega = parameters
-        fading = np.exp(-rate * time)
-        cosine, sine = fading * np.cos(omega * time), fading * np.sin(omega * time)
-        wave = a * cosine + b * sine
-        return wave, np.column_stack([cosine, sine, -time * wave, time * (b * cosine - a * sine)])
+        return np.asarray(np.exp(-rate * time) * (a * np.cos(omega * time) + b * np.sin(omega * time)))
 
     def off(parameters: Array) -> Array:
-        """Return the residuals (n,), as shares of the peak in N, of parameters (4,)."""
-        return both(parameters)[0] - scaled
+        """Return the residuals (n,), as shares of the peak, of parameters (4,)."""
+        return wave(parameters) - scaled
 
-    def slopes(parameters: Array) -> Array:
-        """Return the Jacobian (n, 4) of the residuals, as shares of the peak in N, at parameters (4,)."""
-        return both(parameters)[1]
+    def solve(start: tuple[float, float]) -> Any:
+        """Return the least squares fit that begins at a decay (1/s) and w (rad/s)."""
+        # Amplitudes by linear least squares; the model is analytic, so that complex steps give its derivatives.
+        columns = np.column_stack([wave(np.array([*amplitudes, *start])) for amplitudes in np.eye(2)])
+        begin = np.array([*np.linalg.lstsq(columns, scaled, rcond=None)[0], *start])
+        return least_squares(off, begin, jac="cs", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
 
-    best = None
     # Two starts, for a fit of a frequency has many local minima.
-    for start in (prony(scaled, dt), (decay, 2.0 * math.pi * frequency)):
-        if start is None:
-            continue
-        # The derivatives by a and b are the two waves: amplitudes by linear least squares.
-        columns = slopes(np.array([0.0, 0.0, *start]))[:, :2]
-        amplitudes = np.linalg.lstsq(columns, scaled, rcond=None)[0]
-        begin = np.array([*amplitudes, *start])
-        solution = least_squares(off, begin, jac=slopes, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        if best is None or solution.cost < best.cost:
-            best = solution
-    assert best is not None
+    starts = (prony(scaled, dt), (decay, 2.0 * math.pi * frequency))
+    best = min((solve(start) for start in starts if start is not None), key=lambda solution: solution.cost)
     # s^2 = sum of squares / (n - 4); the cost is half of the sum
     residual = math.sqrt(2.0 * best.cost / (values.size - 4))
-    steep = slopes(best.x)
+    steep = best.jac
     size = np.linalg.norm(steep, axis=0)
     if not np.all(size > 0.0):
         return None
@@ -125,6 +117,7 @@ class StruckContact(NamedTuple):
     - `across` (N s): the impulse that is added along the surface.
     - `speed` (m/s): that of the approach.
     - `expected` (N s): the impulse that the effect gives it in `needs` seconds.
+    - `granted`: ticks that the force may begin after the contact.
     - `rounding` (n,), N: what number formats leave open of the added force.
     """
 
@@ -135,6 +128,7 @@ class StruckContact(NamedTuple):
     speed: float
     expected: float
     needs: float
+    granted: int
     rounding: Array
 
     @property
@@ -187,6 +181,9 @@ def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckCo
             continue
         grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
         begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
+        # A late renderer gives a force some ticks after its hand is inside: what the contact starts may be as late.
+        late_force = plain.force_size[touch : min(touch + LAG_TICKS + LATE_START + 1, end)] > 0.0
+        granted = LATE_START + int(np.argmax(late_force))
         rows = slice(begin, end)
         normal = boundary.closest_point(plain.ihip[begin : begin + 1]).normal[0]
         along = added[rows] @ normal
@@ -204,7 +201,7 @@ def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckCo
         expected, needs, speed = min(totals, key=lambda total: abs(total[0] - impulse))
         if speeds[0] > 0.0:
             struck.append(
-                StruckContact(begin, end, along, across, speed, expected, needs + LATE_START * dt, rounding[rows])
+                StruckContact(begin, end, along, across, speed, expected, needs + granted * dt, granted, rounding[rows])
             )
     return struck
 
@@ -246,15 +243,15 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> Findi
         message = f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s"
         metric = Metric("ticks from a contact to a force without one", float(ticks_away), "ticks")
         return compared(metric, 0.0, base.evidence_at(tick), passes="", fails=message)
-    if all(contact.end - contact.begin <= LATE_START for contact in struck):
+    if all(contact.end - contact.begin <= contact.granted for contact in struck):
         return undecided("no contact lasts longer than what it starts may be late")
     late = [contact.end - contact.begin if contact.late is None else contact.late for contact in struck]
-    worst = worst_row(np.array(late, dtype=np.float64))
+    worst = worst_row(np.array([ticks - contact.granted for ticks, contact in zip(late, struck, strict=True)]))
     begin = struck[worst].begin
     contact = f"the contact that begins at t = {base.time[begin]:.4g} s starts"
     return compared(
         TRANSIENT_ONSET.measured(late[worst]),
-        float(LATE_START),
+        float(struck[worst].granted),
         {**base.evidence_at(begin), "contacts": len(struck)},
         passes=f"{len(struck)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
         fails=f"{contact} no {effect.kind}" if struck[worst].late is None else f"{contact} it {late[worst]} ticks late",
@@ -335,8 +332,10 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Observed) -> F
     longest = max(struck, key=lambda contact: contact.end - contact.begin)
     if longest.late is None:
         return undecided("no force is added that could ring")
-    # From the first force on, as long as the vibration lasts; after that there is only rounding.
-    wave = longest.added[longest.late :][: math.ceil(IMPULSE_DECAYS / effect.decay / base.dt)]
+    # From the first force on, of which a lag between ticks shows a part, as long as the vibration lasts: after that
+    # there is only rounding.
+    first = longest.late + between_ticks(*plain.lag)
+    wave = longest.added[first:][: math.ceil(IMPULSE_DECAYS / effect.decay / base.dt)]
     fitted = fit(wave, base.dt, effect.decay, effect.frequency)
     if fitted is None:
         return undecided("the contact is too short for a decaying sinusoid to be fitted to it")
