@@ -93,6 +93,11 @@ class Relief(Effect):
         harmonics = np.abs(np.fft.rfft(self.profile))[1:]
         return self.wavelength / float(1 + np.flatnonzero(harmonics >= FAINT * harmonics.max())[-1])
 
+    @property
+    def highest(self) -> float:
+        """How far (m) the relief is off the bare surface at the most."""
+        return self.amplitude if self.amplitude is not None else float(np.max(np.abs(self.profile)))
+
     def fastest(self, dt: float) -> float:
         """Return the speed (m/s) along the waves beyond which samples every `dt` s alias them: finest / (2 dt)."""
         return self.finest / (2.0 * dt)

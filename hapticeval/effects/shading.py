@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
@@ -136,74 +135,6 @@ def mesh_corners(mesh: Mesh, crease: float) -> Array:
     sums = np.zeros((group_count, 3))
     np.add.at(sums, group, (angle[..., np.newaxis] * normals[:, np.newaxis]).reshape(-1, 3))
     return np.column_stack([_unit(sums)[group].reshape(count, 9), smooth.astype(np.float64)])
-
-
-class Normals(NamedTuple):
-    """Normals at n points, each (n, N): the boundary's own, from which the force is turned, and the shaded ones."""
-
-    own: Array
-    shaded: Array
-
-
-def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
-    """Return from which normal to which a force is turned at IHIPs (n, N), m, of HIPs (n, N), m.
-
-    `shading_kernels.shade` turns it so. `crease` is in degrees. Both are the same on a boundary without facets.
-    """
-    from hapticeval.effects.shading_kernels import SHADED_FACET
-    from hapticeval.records import as_records
-
-    ihips, hips = (np.array(points, dtype=np.float64, order="C") for points in (ihips, hips))
-    if isinstance(boundary, Mesh):
-        return _on_mesh(boundary, crease, ihips, hips)
-    table, curve = facets(boundary, crease), as_curve(boundary)
-    if table is None or curve is None:
-        own = boundary.closest_point(ihips).normal
-        return Normals(own, own)
-    arc_length = curve.arc_length(curve.nearest(ihips))
-    rows = table[np.searchsorted(as_records(table, SHADED_FACET).start, arc_length, side="right") - 1]
-    facet = as_records(rows, SHADED_FACET)
-    from_start = arc_length - facet.start
-    share = (from_start / facet.length)[:, np.newaxis]
-    own, first, last = np.split(rows[:, 2:], 3, axis=1)
-    shaded = _unit((1.0 - share) * first + share * last)  # (4.15), renormalised
-    tolerance = AT_VERTEX * curve.length
-    begins, ends = from_start <= tolerance, facet.length - from_start <= tolerance
-    # at a corner the own normal is along the error IHIP - HIP: anywhere between the normals of both facets
-    corner = np.where(begins[:, np.newaxis], first, last)
-    error = ihips - hips
-    error_length = np.hypot(error[:, 0], error[:, 1])
-    at_corner = (begins | ends) & (error_length > 0.0)
-    with np.errstate(invalid="ignore"):
-        error_direction = np.where(at_corner[:, np.newaxis], error / error_length[:, np.newaxis], own)
-    # at a sharp one it is not turned
-    sharp = at_corner & np.all(corner == own, axis=1)
-    return Normals(error_direction, np.where(sharp[:, np.newaxis], error_direction, shaded))
-
-
-def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
-    from hapticeval.effects import shading_kernels as kernels
-
-    table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.SHADING_ROWS, 3))
-    faces, vertices, _ = mesh.tables
-    normals = np.empty((2, *ihips.shape))
-    for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
-        closest.function(closest.data, ihip, frame)
-        kernels.write_normals(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
-        normals[:, row] = frame[kernels.OWN_NORMAL], frame[kernels.SHADED_NORMAL]
-    return Normals(*normals)
-
-
-def turned(forces: Array, normals: Normals) -> Array:
-    """Return forces (n, N), N, turned as each own normal is turned on to the shaded one, in the plane of both.
-
-    With o and s the two unit normals: F - F.(o + s) / (1 + o.s) (o + s) + 2 (F.o) s. Any vector may stand for a force.
-    """
-    own, shaded = normals
-    normals_sum = own + shaded
-    force_on_own = np.sum(forces * own, axis=1)
-    reflection = np.sum(forces * normals_sum, axis=1) / (1.0 + np.sum(own * shaded, axis=1))
-    return np.asarray(forces - reflection[:, np.newaxis] * normals_sum + 2.0 * force_on_own[:, np.newaxis] * shaded)
 
 
 def _unit(vectors: Array) -> Array:

@@ -90,7 +90,9 @@ def write_normals(faces: Array, vertices: Array, table: Array, k: int, ihip: Arr
 def shade(
     data: ChangeData, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:  # fmt: skip
-    """Turn `force` (2,), N, by as much as its shaded normal is turned: see `shading.normals_at` and `shading.turned`.
+    """Turn `force` (2,), N, as the own normal o is turned on to the shaded one s, in the plane of both.
+
+    That is F - F.(o + s) / (1 + o.s) (o + s) + 2 (F.o) s.
 
     The signature is that of `Effect.change`: `hip` and `ihip` (2,), m. `data.params` (1,) is the rounding of the arc
     length, m; `data.samples` (n, 8) are those of `shading.facets`. Returns 0: it is defined everywhere.
@@ -120,7 +122,7 @@ def shade(
         if size > 0.0:
             own_x, own_y = error_x / size, error_y / size
     force_on_own = force[0] * own_x + force[1] * own_y
-    # the rotation that turns the own normal on to the shaded one, see `shading.turned`
+    # the rotation that turns the own normal on to the shaded one
     sum_x, sum_y = own_x + x, own_y + y
     share = (force[0] * sum_x + force[1] * sum_y) / (1.0 + own_x * x + own_y * y)
     force[0] += 2.0 * force_on_own * x - share * sum_x

@@ -657,7 +657,7 @@ TOLD_APART = 10.0
 """Times what rounding leaves open that an effect has to add, for its order to be seen. *Chosen*, the inverse of
 `TELLING_SHARE`: doubled, effects of up to twenty times rounding are undecided."""
 
-# lag: texture_relief, friction
+# lag
 
 BETWEEN_TICKS = 0.5
 """Share of the widest second difference by which a value between two ticks may be off the straight line between them.

@@ -66,6 +66,11 @@ def find_lag(recording: Recording, scene: Scene, contact: BoolArray, pressed: Bo
     return Lag(_find_ihip_lag(recording, scene, contact), force_hip, force_ihip)
 
 
+def between_ticks(*lags: float) -> bool:
+    """Return whether one of some lags is no whole number of ticks."""
+    return any(abs(lag - round(lag)) > WHOLE_LAG for lag in lags)
+
+
 def delayed(values: Array, rows: IntArray, ticks_before: float = 0.0) -> Array:
     """Return `values` (n, N), as m or N, so many `ticks_before` each of `rows` (k,): between two on the straight line.
 
@@ -201,7 +206,15 @@ def _find_force_lag(recording: Recording, pressed: BoolArray, exact: float) -> t
     rows = _rows_with_force(pressed)
     if rows.size == 0:
         return 0.0, 0.0
-    misfit = _spring_misfit(recording, rows)
+    return lags_of_kinds(_spring_misfit(recording, rows), exact)
+
+
+def lags_of_kinds(misfit: Callable[[float, float], float], exact: float) -> tuple[float, float]:
+    """Return how many ticks ago the HIP and the IHIP are that forces are made of, of `KINDS_OF_LAG`.
+
+    `misfit(hip, ihip)` (N) is what a law leaves of the forces with these lags; up to `exact` (N) it is none. Of kinds
+    that fit alike the first counts.
+    """
     if misfit(0.0, 0.0) <= exact:
         return 0.0, 0.0
 

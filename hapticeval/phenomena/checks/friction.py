@@ -23,9 +23,8 @@ from hapticeval.phenomena.decisions import (
     STICKING_SHARE,
     STICKING_TIME,
     TELLING_SHARE,
-    WHOLE_LAG,
 )
-from hapticeval.phenomena.lag import believed_lag, beside_straight, delayed, largest_in_lag
+from hapticeval.phenomena.lag import believed_lag, beside_straight, between_ticks, delayed, largest_in_lag
 from hapticeval.phenomena.measures.friction_check import HAND, LAWS_OF_SPEED, check_of_friction
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.surface_force import SurfaceForce, along_surface, ihip_rounding, viscous_coefficient
@@ -344,7 +343,7 @@ def judge_force(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Findin
         stepped, straight = law_force(lag, 1), law_force(lag, BRISTLE_PARTS)
         doubt = surface_force.rounding + np.linalg.norm(stepped - straight, axis=1)
         # Between ticks it is not known which value the renderer had.
-        if abs(lag - round(lag)) > WHOLE_LAG:
+        if between_ticks(lag):
             doubt += beside_straight(straight)
     # The speed of a tick may be taken as held since the last, or as going there straight.
     deviation = np.linalg.norm(tangential_force + straight, axis=1)

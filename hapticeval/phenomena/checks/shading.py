@@ -9,9 +9,10 @@ import numpy as np
 
 from hapticeval.effects.catalogue import SHADING
 from hapticeval.phenomena.check import Check, Runs, not_alone, required, without_ihip
-from hapticeval.phenomena.decisions import OTHER_WEIGHTS, TELLING_SHARE
-from hapticeval.phenomena.lag import largest_in_lag
+from hapticeval.phenomena.decisions import LAG_TICKS, OTHER_WEIGHTS, TELLING_SHARE
+from hapticeval.phenomena.lag import beside_straight, largest_in_lag
 from hapticeval.phenomena.measures.closed_paths import later_laps, running_sums
+from hapticeval.phenomena.measures.effect_law import EffectLaw
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import unit_vectors, worst_row
 from hapticeval.phenomena.verdict import Finding, compared, undecided
@@ -23,7 +24,7 @@ class ExpectedShading(NamedTuple):
     """What a recording is held against, tick by tick: the force (n, N), N, without shading, and that force shaded.
 
     `contact` (n,) is where both the recorded force and that without shading are above the floor; `rounding` (n,), N, is
-    what single precision leaves open of a force.
+    what single precision leaves open of a force, and a lag between ticks.
     """
 
     plain: Array
@@ -34,23 +35,26 @@ class ExpectedShading(NamedTuple):
 
 def expect_shading(runs: Runs, scene: Scene) -> ExpectedShading | Finding:
     """Return what the recorded force is held against, or why there is nothing."""
-    from hapticeval.effects.shading import normals_at, turned
-
-    base, shading = runs.observed(scene), scene.effect(SHADING)
+    base = runs.observed(scene)
     reason = not_alone(scene, SHADING, because="whose force is not turned")
     if reason is not None:
         return reason
     if base.lacks_ihip:
         return without_ihip(base)
     plain = Observed(required(runs.without)(SHADING), scene)
-    # (4.15): n_e = unit(sum of a_i n_i), at the contact point of the unshaded run
-    normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
     contact = base.pressed & plain.pressed
     if not contact.any():
         return undecided("no force above the floor: the tool never presses on the surface")
-    size = np.maximum(*(recording.force_size for recording in (base, plain)))
-    rounding = base.rounding_floor(size, scene.stiffness)
-    return ExpectedShading(plain.force, turned(plain.force, normals), contact, rounding)
+    law = EffectLaw(scene.effect(SHADING), base, plain)
+    lags = law.find_lags("force")
+    force = law.answers(lags).force
+    rounding = base.rounding_floor(np.maximum(base.force_size, plain.force_size), scene.stiffness)
+    if any(lags):
+        # At the ends a late answer is not known.
+        contact[:LAG_TICKS] = contact[len(contact) - LAG_TICKS :] = False
+    if law.between_ticks(lags):
+        rounding = rounding + beside_straight(plain.force) + beside_straight(force)
+    return ExpectedShading(plain.force, force, contact, rounding)
 
 
 def angles(first: Array, second: Array) -> Array:

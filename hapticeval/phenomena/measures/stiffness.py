@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.decisions import FEWEST_FORCES, LAG_TICKS, TELLING_SHARE, WHOLE_LAG
-from hapticeval.phenomena.lag import beside_straight, delayed, largest_in_lag
+from hapticeval.phenomena.decisions import FEWEST_FORCES, LAG_TICKS, TELLING_SHARE
+from hapticeval.phenomena.lag import beside_straight, between_ticks, delayed, largest_in_lag
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import lengths_of, unit_vectors
 from hapticeval.recordings.quantization import numeric_step
@@ -76,7 +76,7 @@ def find_pressed_ticks(base: Observed) -> PressedTicks:
     unknown = _curvature_force(base, base.velocity, ticks)
     for points, lag in ((base.hip, base.lag.force_hip), (base.ihip, base.lag.force_ihip)):
         # Between ticks it is not known where the renderer had them.
-        if abs(lag - round(lag)) > WHOLE_LAG:
+        if between_ticks(lag):
             unknown = unknown + base.scene.stiffness * beside_straight(points)[ticks]
     return PressedTicks(pressing, ticks, _errors_within_lag(base, ticks), unknown)
 
