@@ -1,6 +1,10 @@
 """A tool in space: its state, what the operator does to it, how it flies, and the log of what happens to it.
 
-All grounds in space share it.
+All grounds in space share it. Each has the loop from event to event for itself, and so has the plane:
+
+- a loop that took a ground's steps as arguments would be compiled anew in every process, for the cache on disk knows a
+  kernel again by its name, and not where it is an argument;
+- the plane's tool is another: a place on a piece of the curve, without which short hops would lose their digits.
 """
 
 from __future__ import annotations
