@@ -64,7 +64,7 @@ def test_a_force_that_is_late_behind_the_tool_is_found_so_late(scene, lag):
 @settings(max_examples=10)
 @given(scene=scenes, lag=ticks)
 def test_a_tool_that_is_late_under_a_force_that_is_not_is_found_so_late(scene, lag):
-    seen = lag_of(late(LateTool, ihip=lag), scene)
+    seen = lag_of(late(kind=LateTool, ihip=lag), scene)
     assert seen == pytest.approx(Lag(lag, 0.0, 0.0), abs=0.02)
     assert (seen.force_hip, seen.force_ihip) == (0.0, 0.0)
 
