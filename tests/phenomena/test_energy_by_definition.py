@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made import FAIL, PASS, UNDECIDED, changed, found, recorded
+from made import FAIL, PASS, UNDECIDED, changed, recorded
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.phenomena.checks.passivity import judge_law
@@ -138,20 +138,3 @@ def test_work_is_summed_by_the_trapezoid_and_as_held_at_the_rows_of_the_base_run
     # Second differences of the force, -7, 12 and -11 N, along the steps that follow.
     np.testing.assert_allclose(work.error, 0.5e-3 * np.array([0.0, 7.0, 18.0]))
     assert not work.free.any()
-
-
-class TestSpentStores:
-    """A hand that goes in by 5 mm, and round three laps there, of which each gives it as much."""
-
-    def test_of_one_recording_alone_two_rows_at_rest_or_free_bound_what_is_stored(self):
-        hip = np.column_stack([np.zeros(60), 1e-3 * np.arange(60.0) - 0.1])
-        force = np.zeros((60, 2))
-        force[30:, 1] = 1.0
-        base = recorded(hip, hip * [1.0, 0.0], force, meta={"source": "experiment"})
-        finding = found("passivity", base, LINE)
-        assert finding.outcome is FAIL
-        assert finding.metric.value == pytest.approx(29.5e-3)
-        assert "from t = 0.029 s to 0.059 s the hand gets 29.5 mJ" in finding.message
-        taken = found("passivity", changed(base, force=-force), LINE)
-        assert taken.outcome is PASS
-        assert found("passivity", changed(base, force=force + 1.0), LINE).outcome is UNDECIDED

@@ -19,22 +19,14 @@ from hapticeval.errors import UnknownNameError
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import shading
-from hapticeval.phenomena.checks.never_pulls import find_outward
-from hapticeval.phenomena.checks.numerical_stability import motions
 from hapticeval.phenomena.checks.transient import impulse_of
 from hapticeval.phenomena.decisions import (
-    ANSWER_CHANGE,
-    HAND_ROUNDING,
     IMPULSE_DECAYS,
     IMPULSE_ROUNDING,
     NOTABLE_FORCE_SHARE,
-    QUIET_SAMPLES,
-    STEEP_FACTOR,
 )
 from hapticeval.phenomena.inherent import reason_inherent
-from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.sampling import rounding
 from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
@@ -108,76 +100,6 @@ class TestInherent:
         assert not self.follows("contact-kept", {}, kind="tunnelled", **numbers)
 
 
-class TestPulling:
-    def moving(self, speed, *, pull=1.0, count=30, **more):
-        """A hand 3 mm under a line that goes up at `speed`, m/s, and is drawn in by `pull`, N, in row 12."""
-        height = -3e-3 + 1e-3 * speed * np.arange(count)
-        hip = np.column_stack([np.zeros(count), height])
-        base = recorded(hip, hip * [1.0, 0.0], **more)
-        force = np.array(base.force)
-        force[12] = [0.0, -pull]
-        return changed(base, force=force)
-
-    @pytest.mark.parametrize(("speed", "verb"), [(0.05, "leaves"), (-0.05, "enters"), (0.0, "enters")])
-    def test_a_force_that_draws_the_hand_in_is_told_with_how_the_hand_moves(self, speed, verb):
-        finding = found("never-pulls", self.moving(speed), LINE)
-        assert finding.outcome is FAIL
-        assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(1.0), 12)
-        assert finding.evidence["leaving_m_s"] == pytest.approx(speed)
-        words = f"by 1 N at t = 0.012 s, while the hand {verb} at {abs(speed):.3g} m/s"
-        assert words in finding.message
-        assert ("a damper that is not clipped" in finding.message) is (speed > 0.0)
-        lag = finding.evidence["lag_ticks"]
-        moved = 2.0 * lag * 1e-3 * abs(speed)
-        assert finding.bound == pytest.approx(1e-3 + 1000.0 * (moved + rounding(LINE)), rel=1e-6)
-        off = found("never-pulls", changed(self.moving(speed, pull=5.0), meta={"standoff": 1e-3}), LINE)
-        assert off.bound == pytest.approx(finding.bound + 1.0, rel=1e-6)
-
-    def test_a_hand_that_never_leaves_shows_nothing_and_one_that_feels_no_force_inside_neither(self):
-        pushes = {"pull": -1.0}
-        assert found("never-pulls", self.moving(0.05, **pushes), LINE).outcome is PASS
-        assert "never leaves" in found("never-pulls", self.moving(-0.05, **pushes), LINE).message
-        outside = recorded(np.abs(self.moving(0.05).hip), force=np.ones((30, 2)))
-        assert "inside of the model" in found("never-pulls", outside, LINE).message
-
-    def test_outward_is_to_the_contact_point_and_along_the_normal_where_that_is_the_hand(self):
-        base = slide()
-        aside = changed(base, ihip=base.ihip + np.array([1e-3, 0.0]))
-        np.testing.assert_allclose(find_outward(Observed(aside, LINE)), np.full((12, 2), math.sqrt(0.5)))
-        for share, outward in ((0.9, [0.0, 1.0]), (1.1, [1.0, 0.0])):
-            near = changed(base, ihip=base.hip + np.array([share * rounding(LINE), 0.0]))
-            np.testing.assert_allclose(find_outward(Observed(near, LINE)), np.tile(outward, (12, 1)), atol=1e-12)
-
-
-def test_a_drift_is_told_where_the_hand_does_not_explain_it():
-    """Four laps of ten rows: in the last the answer is off by more where the hand is, too."""
-    angle = 2.0 * np.pi * np.arange(41) / 10
-    hip = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 0.02]
-    ihip = np.array(hip * [1.0, 0.0])
-    ihip[34, 0] += 0.9 * STEEP_FACTOR * 1e-10
-    ihip[37, 0] += 0.5 * STEEP_FACTOR * 1e-10
-    force = 1000.0 * (hip * [1.0, 0.0] - hip)
-    moved = np.array(hip)
-    moved[34, 0] += 1e-10
-    finding = found("drift", recorded(moved, ihip, force), LINE)
-    assert finding.evidence["tick"] == 37
-    assert finding.evidence["off_m"] == pytest.approx(0.5 * STEEP_FACTOR * 1e-10, rel=1e-3)
-    assert finding.metric.value == pytest.approx(0.5 * STEEP_FACTOR * 1e-10 / 0.2, rel=1e-3)
-    assert (finding.evidence["laps"], finding.evidence["ticks"]) == (4, 40)
-
-
-@pytest.mark.parametrize(("ulps", "outcome"), [(1, PASS), (12, FAIL)])
-def test_another_number_of_single_precision_is_no_drift(ulps, outcome):
-    """Four laps of ten rows about 1 cm: an ulp there is 0.93 nm, and 4 * 2^-23 of 1 cm is 4.8 nm."""
-    angle = 2.0 * np.pi * np.arange(41) / 10
-    hip = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 0.02]
-    single = (hip * [1.0, 0.0]).astype(np.float32)
-    single[30, 0] += ulps * np.spacing(single[30, 0])
-    ihip = single.astype(float)
-    finding = found("drift", recorded(hip, ihip, 1000.0 * (ihip - hip)), LINE)
-    assert finding.outcome is outcome, finding.message
-
-
 def test_laps_that_are_in_contact_in_part_are_compared():
     """Four laps of ten rows, half of each above a line."""
     angle = 2.0 * np.pi * np.arange(41) / 10
@@ -196,16 +118,6 @@ def test_a_hand_that_is_met_on_one_of_two_ways_alone_has_two_answers(free):
     assert finding.outcome is FAIL
     assert finding.metric.value == pytest.approx(1e-3, rel=0.1)
     assert "1 mm apart, by the way it was reached (100 per cent of the HIPs)" in finding.message
-
-
-@pytest.mark.parametrize(("count", "decides"), [(QUIET_SAMPLES - 1, False), (QUIET_SAMPLES, True)])
-def test_a_tool_s_rest_is_judged_over_enough_samples(count, decides):
-    hip = np.zeros((count + 5, 2))
-    base = recorded(hip, velocity=hip, meta={"source": "experiment", "quiet_from": 5e-3})
-    finding = found("comes-to-rest", base, LINE)
-    assert (finding.outcome is not UNDECIDED) is decides
-    if not decides:
-        assert f"for {count} samples only" in finding.message
 
 
 class TestImpulses:
@@ -415,101 +327,6 @@ class TestOrderOfEffects:
         assert finding.metric.value == pytest.approx(0.1 + (0.5 if outcome is FAIL else 0.0))
 
 
-class TestForceMagnitude:
-    def test_of_two_laws_the_one_that_fits_better_is_asked(self):
-        """A tool a millimetre ahead of a hand 2 mm deep, with a spring along the error, and across the surface."""
-        base = slide(depth=2e-3, aside=1e-3, count=40)
-        across = changed(base, force=base.force * [0.0, 1.0])
-        for one, stiffness in ((base, 1000.0), (across, 1000.0)):
-            finding = found("force-magnitude", one, LINE)
-            assert finding.outcome is PASS
-            assert finding.evidence["apparent_stiffness_N_m"] == pytest.approx(stiffness)
-        declared = changed(across, meta={"spring": "error"})
-        assert found("force-magnitude", declared, LINE).outcome is FAIL
-
-    def test_a_rigid_contact_has_no_stiffness(self):
-        hip = np.column_stack([1e-2 + STEP * np.arange(20), np.zeros(20)])
-        finding = found("force-magnitude", recorded(hip, hip, np.tile([0.0, 2.0], (20, 1))), LINE)
-        assert "a rigid contact" in finding.message
-
-    def felt(self, gain, *, none=True, depth=2e-3, damping=0.0, speed=0.0, source="playback"):
-        """A force without a contact point, of a hand at this depth."""
-        hip = np.column_stack([1e-3 * speed * np.arange(40), np.full(40, -depth)])
-        force = np.column_stack([np.zeros(40), gain * 1000.0 * -hip[:, 1]])
-        meta = {"source": source, **({"contact_point": "none"} if none else {})}
-        base = recorded(hip, hip, force, meta=meta, velocity=np.tile([speed, 0.0], (40, 1)))
-        scene = Scene(model=line(), stiffness=1000.0, damping=damping, mass=0.1)
-        return found("force-magnitude", base, scene)
-
-    @pytest.mark.parametrize(
-        ("gain", "with_none", "with_one"), [(1.0, PASS, UNDECIDED), (0.3, FAIL, FAIL), (1.5, FAIL, UNDECIDED)]
-    )
-    def test_without_a_contact_point_a_force_is_held_against_the_depth(self, gain, with_none, with_one):
-        """A tool that lags is farther away, and makes a larger force of it: only a small one is told."""
-        assert self.felt(gain).outcome is with_none
-        assert self.felt(gain, none=False).outcome is with_one
-        assert self.felt(gain).metric is None or self.felt(gain).metric.value == pytest.approx(
-            abs(gain - 1.0), abs=1e-3
-        )
-
-    def test_what_a_damper_may_make_there_is_granted_as_a_depth(self):
-        # 1 N s/m at 0.1 m/s: 0.1 N, or 0.1 mm of 2
-        finding = self.felt(1.0, damping=1.0, speed=0.1)
-        assert finding.bound == pytest.approx((1e-4 + rounding(LINE)) / 2e-3, rel=1e-6)
-
-    def test_a_log_s_depth_is_known_to_half_a_step_of_its_places(self):
-        """The hand goes along by 0.1 mm in each tick, so that the log's places lie on a lattice of that."""
-        finding = self.felt(1.0, speed=0.1, source="file")
-        assert finding.bound == pytest.approx((0.5e-4 + rounding(LINE)) / 2e-3, rel=1e-6)
-
-
-class TestMoved:
-    """Runs in the scene moved, by hand: off by `off` in one motion, of a hand that slides under a line."""
-
-    def judged(self, off, *, motion=1, aside=0.0, **more):
-        base = changed(slide(), meta={"source": "playback"})
-        asked = []
-
-        def moved(move, nudge):
-            asked.append(move.scale)
-            number = {1.0: 0, 7.0: 1}.get(round(move.scale, 6), 2)
-            away = np.array([off if number == motion and not any(nudge) else 0.0, 0.0])
-            return changed(base, ihip=base.ihip + away, force=base.force)
-
-        if aside:
-            base = changed(base, ihip=base.ihip + np.array([0.0, aside]))
-        return found("numerical-stability", Runs(base, moved=moved), LINE)
-
-    @pytest.mark.parametrize(("share", "outcome"), [(0.9, PASS), (1.1, FAIL)])
-    @pytest.mark.parametrize(
-        ("motion", "name"), [(0, "turned and shifted"), (1, "seven times as large"), (2, "a seventh as large")]
-    )
-    def test_an_answer_is_the_same_to_a_billionth_in_each_motion(self, share, outcome, motion, name):
-        first = self.judged(0.0, motion=motion)
-        assert (first.outcome, first.evidence["digits"]) == (PASS, pytest.approx(15.65, abs=0.1))
-        off = share * ANSWER_CHANGE * 0.2 + first.evidence["rounding_m"]
-        finding = self.judged(off, motion=motion)
-        assert finding.outcome is outcome
-        assert finding.evidence["digits"] == pytest.approx(-math.log10(off / 0.2))
-        assert finding.evidence["off_m"] == pytest.approx(off)
-        assert finding.evidence["motion"] == name
-        measured = share * ANSWER_CHANGE if outcome is FAIL else 9.0  # whole digits
-        assert finding.metric.value == pytest.approx(measured, rel=1e-3)
-
-    def test_the_hand_is_rounded_where_it_is_farthest_by_the_scale(self):
-        """Turned and shifted by the model's size and more the hand is farther from the origin than it is here."""
-        evidence = self.judged(0.0).evidence
-        hips = slide().hip
-        farthest = max(np.abs(motion(hips)).max() / motion.scale for _, motion in motions(LINE))
-        assert evidence["rounding_m"] == pytest.approx(HAND_ROUNDING * farthest)
-        assert farthest > np.abs(hips).max()
-
-    def test_an_ihip_off_the_surface_in_every_motion_alike_is_told_as_it_is(self):
-        finding = self.judged(0.0, aside=1e-4)
-        assert (finding.outcome, finding.evidence["motion"]) == (FAIL, "as it is")
-        assert finding.evidence["off_m"] == pytest.approx(1e-4)
-
-
 @pytest.mark.parametrize("check", sorted(CHECKS))
 def test_a_check_names_siblings_that_there_are(check):
     assert replace(CHECKS[check]) == CHECKS[check]
@@ -535,16 +352,6 @@ class TestDropOut:
         assert asked == [6], "the last row has none after it"
         return finding
 
-    @pytest.mark.parametrize(("left", "outcome"), [(0.9e-3, PASS), (1.1e-3, FAIL), (-2.0, FAIL)])
-    def test_no_force_is_left_without_a_hip(self, left, outcome):
-        finding = self.judged((0.0, left), last=9.0)
-        assert finding.outcome is outcome
-        assert (finding.metric.value, finding.bound) == (pytest.approx(abs(left)), pytest.approx(1e-3))
-        if outcome is FAIL:
-            assert f"gets {abs(left):.3g} N; the tick before it was 3 N" in finding.message
-        assert (finding.evidence["tick"], finding.evidence["force_before_N"]) == (6, 3.0)
-        assert finding.evidence["refused"] is False
-
     def test_a_refusal_for_that_tick_alone_passes_and_what_is_no_number_does_not(self):
         refused = self.judged(None)
         assert (refused.outcome, refused.evidence["refused"]) == (PASS, True)
@@ -556,12 +363,6 @@ class TestDropOut:
         for_ever = self.judged(None, None)
         assert for_ever.outcome is FAIL
         assert "the next one is refused" in for_ever.message
-
-    @pytest.mark.parametrize(("strength", "decides"), [(0.9e-3, False), (1.1e-3, True)])
-    def test_a_hand_that_feels_nothing_shows_nothing(self, strength, decides):
-        base = changed(slide(), force=np.tile([0.0, strength], (12, 1)))
-        finding = found("drop-out", Runs(base, dropped_out=lambda tick: (None, np.zeros(2))), LINE)
-        assert (finding.outcome is PASS) is decides
 
 
 class TestReset:
@@ -622,34 +423,3 @@ class TestReset:
         assert self.judged(**away).outcome is FAIL
         assert self.judged(**away, force_scatter=0.01).outcome is PASS
         assert self.judged(rows=slice(0, 9), hand=1e-6, force_scatter=0.01).outcome is PASS
-
-
-class TestSubdivision:
-    """A hand whose force goes up and down, in steps of half the time, with answers that come so many ticks late."""
-
-    def run(self, late, parts):
-        count = 39 * parts + 1
-        rows = np.maximum(np.arange(count) - late, 0) / parts
-        hip = np.column_stack([STEP * np.arange(count) / parts, np.full(count, -1e-3)])
-        ihip = np.column_stack([STEP * rows, 2e-4 * np.sin(0.3 * rows)])
-        force = np.column_stack([np.zeros(count), 1.0 + 0.2 * np.sin(0.3 * rows)])
-        return recorded(hip, ihip, force, dt=1e-3 / parts)
-
-    def judged(self, late_base, late_fine):
-        return found(
-            "time-subdivision",
-            Runs(self.run(late_base, 1), subdivided=lambda: self.run(late_fine, 2), moved=lambda motion, nudge: None),
-            LINE,
-        )
-
-    def test_the_answer_to_a_hand_is_that_in_steps_of_half_the_time(self):
-        assert self.judged(0, 0).outcome is PASS
-        assert self.judged(0, 1).outcome is FAIL
-
-    @pytest.mark.parametrize("late", [1, 2, 3])
-    def test_one_that_depends_on_a_tick_is_told_by_how_many_it_is_late(self, late):
-        finding = self.judged(late, late)
-        assert finding.outcome is FAIL
-        assert finding.evidence["ticks_late"] == late
-        assert f"in either it comes {late} tick" in finding.message
-        assert "ticks_late" not in self.judged(4, 4).evidence

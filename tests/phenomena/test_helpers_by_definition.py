@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made import FAIL, PASS, UNDECIDED, changed, recorded
+from made import changed, recorded
 from scipy.signal import get_window
 from scipy.special import polygamma
 from scipy.stats import chi2
@@ -16,7 +16,6 @@ from scipy.stats import chi2
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import coarsened_slope, limit_of_jumps
-from hapticeval.phenomena.checks.relations import compare_runs
 from hapticeval.phenomena.checks.texture import spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
 from hapticeval.phenomena.lag import (
@@ -29,19 +28,14 @@ from hapticeval.phenomena.lag import (
     resting_ticks,
 )
 from hapticeval.phenomena.measures.closed_paths import LapRun, laps
-from hapticeval.phenomena.measures.crossings import worst_finding
 from hapticeval.phenomena.measures.jumps import (
     aitken,
-    largest_jump,
     lets_go,
-    step_bounds,
     suspect_stretches,
-    worst_step,
 )
 from hapticeval.phenomena.measures.restated import nudge_directions
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.sampling import force_floor, note_cut_standoff, rounding, worst_row
-from hapticeval.phenomena.verdict import Finding, Metric
+from hapticeval.phenomena.sampling import note_cut_standoff
 from hapticeval.scene import Scene
 
 LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -65,13 +59,6 @@ def test_aitken_finds_the_limit_of_a_geometric_sequence(limit, scale, ratio):
     assert found == pytest.approx(limit, abs=1e-9 * (limit + scale) / (1.0 - ratio) ** 2)
 
 
-def test_a_sequence_that_does_not_approach_a_limit_is_what_it_was_last():
-    assert aitken(3.0, 2.0, 1.0) == 1.0
-    assert aitken(1.0, 1.0, 0.5) == 0.5
-    assert aitken(1.0, 0.5, 0.1) == 0.0, "a limit below zero is none"
-    assert aitken(0.1, 0.5, 0.6) == 0.6, "its steps do not shrink towards it from above"
-
-
 @given(steps=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=12))
 def test_a_step_counts_whole_for_three_ticks_and_fades_from_then_on(steps):
     hip = np.column_stack([np.concatenate([[0.0], np.cumsum(steps)]), np.zeros(len(steps) + 1)])
@@ -90,34 +77,6 @@ def slide(*, depth=1e-3, step=1e-4, count=12, aside=0.0):
     return recorded(hip, np.column_stack([along + aside, np.zeros(count)]))
 
 
-def test_steps_are_held_against_recent_ones_the_standoff_and_rounding():
-    base = slide()
-    assert rounding(LINE) == 4.0 * 2.0**-23 * LINE.model.size
-    np.testing.assert_allclose(step_bounds(Observed(base, LINE), 3, 1e-5)[1:], 3.1e-4)
-    resting = slide(step=0.0)
-    np.testing.assert_array_equal(step_bounds(Observed(resting, LINE), 3, 1e-5), rounding(LINE) + 1e-5)
-
-
-def test_the_step_farthest_above_its_bound_is_the_worst_and_the_longest_where_none_is():
-    base = slide()
-    ihip = np.array(base.ihip)
-    ihip[5:, 0] += 5e-4
-    ihip[8:, 0] += 4e-4
-    hops, bounds = changed(base, ihip=ihip), np.full(12, 2e-4)
-    assert worst_step(Observed(hops, LINE), bounds) == (pytest.approx(6e-4), 5)
-    bounds[5] = 5.5e-4
-    assert worst_step(Observed(hops, LINE), bounds) == (pytest.approx(5e-4), 8)
-    assert (
-        worst_step(Observed(hops, LINE), np.full(12, 1.0))
-        == (pytest.approx(6e-4), 5)
-        == largest_jump(Observed(hops, LINE))
-    )
-    free = recorded(np.abs(base.hip))
-    assert worst_step(Observed(free, LINE), bounds) == (0.0, 0) == largest_jump(Observed(free, LINE)), (
-        "never in contact"
-    )
-
-
 @pytest.mark.parametrize(("rows", "tick"), [(slice(0, None), 6), (slice(2, 12), 6), (slice(7, 12), None)])
 def test_a_contact_that_was_had_is_let_go_where_the_hand_is_deep(rows, tick):
     base = slide()
@@ -130,51 +89,6 @@ def test_a_contact_that_was_had_is_let_go_where_the_hand_is_deep(rows, tick):
 
 class TestContact:
     """A hand in free space, and a tool that is or is not with it."""
-
-    def outside(self, *, height=1e-3, ihip=0.0, force=0.0, **more):
-        """A hand that rests above the line; the IHIP at another height, and a force upwards, in row 3 alone."""
-        hip = np.column_stack([np.zeros(6), np.full(6, height)])
-        ihips, forces = np.array(hip), np.zeros((6, 2))
-        ihips[3, 1] += ihip
-        forces[3, 1] = force
-        return recorded(hip, ihips, forces, **more)
-
-    def test_a_force_above_the_floor_is_contact(self):
-        floor = 1000.0 * 5e-6 * LINE.model.size
-        assert force_floor(LINE) == pytest.approx(floor)
-        assert np.flatnonzero(Observed(self.outside(force=1.01 * floor), LINE).contact).tolist() == [3]
-        assert not Observed(self.outside(force=0.99 * floor), LINE).contact.any()
-
-    def test_a_tool_apart_from_a_hand_outside_trails_and_inside_is_in_contact(self):
-        trails = self.outside(ihip=2e-3)
-        assert np.flatnonzero(Observed(trails, LINE).trailing).tolist() == [3]
-        assert not Observed(trails, LINE).contact.any()
-        inside = self.outside(height=-1e-3, ihip=1e-3)
-        assert not Observed(inside, LINE).trailing.any()
-        assert np.flatnonzero(Observed(inside, LINE).contact).tolist() == [3]
-
-    @pytest.mark.parametrize(("off", "far"), [(2.9e-3, False), (3.1e-3, True)])
-    def test_a_tool_may_be_off_by_three_steps_unless_the_renderer_says_that_it_is_free(self, off, far):
-        along = 1e-3 * np.arange(6)
-        hip = np.column_stack([along, np.full(6, -1e-3)])
-        base = recorded(hip, np.column_stack([along, np.full(6, off)]), np.zeros((6, 2)))
-        rows = np.arange(6)
-        assert Observed(base, LINE).clear_of_surface(rows).tolist() == [far] * 6
-        free = changed(base, contact=np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
-        assert Observed(free, LINE).clear_of_surface(rows).tolist() == [True] * 3 + [far] * 3
-        apart = changed(base, meta={"standoff": 5e-4})
-        assert Observed(apart, LINE).clear_of_surface(rows).tolist() == [False] * 6, "half a millimetre is declared"
-
-    @pytest.mark.parametrize("ticks", [1, 3, 4, 8])
-    def test_a_force_lingers_after_a_contact_for_as_long_as_it_is_felt(self, ticks):
-        hip = np.column_stack([np.zeros(12), np.where(np.arange(12) < 4, -1e-3, 1e-3)])
-        ihip = np.where(hip < 0.0, 0.0, hip)
-        force = np.zeros((12, 2))
-        force[: 4 + ticks, 1] = 1.0
-        late = np.flatnonzero(Observed(recorded(hip, ihip, force), LINE).lingering)
-        assert late.tolist() == list(range(4, 4 + ticks))
-        never = recorded(np.abs(hip), np.abs(hip), force)
-        assert not Observed(never, LINE).lingering.any(), "no contact was before"
 
     @pytest.mark.parametrize(
         ("height", "declared", "holds"),
@@ -247,11 +161,6 @@ class TestLaps:
 
     def test_two_rows_have_no_way_that_closes(self):
         assert laps(np.zeros((2, 2)), 0.2) == []
-
-
-def test_later_laps_begin_where_the_one_before_ends():
-    assert LapRun(3, 10, 3).later == [(13, 23), (23, 33)]
-    assert LapRun(3, 10, 1).later == []
 
 
 class TestLag:
@@ -333,10 +242,6 @@ def test_pronys_method_is_exact_of_a_decaying_sinusoid(decay, frequency, phase):
     assert found == pytest.approx((decay, 2.0 * np.pi * frequency), rel=1e-5)
 
 
-def test_what_does_not_ring_has_no_frequency():
-    assert prony(np.exp(-50.0 * 1e-3 * np.arange(20)), 1e-3) is None
-
-
 @pytest.mark.parametrize(("count", "windows"), [(100, 1), (256, 1), (384, 2), (4096, 31), (10000, 77)])
 def test_a_welch_estimate_s_chance_is_that_of_its_windows(count, windows):
     window = get_window("hann", 256)
@@ -369,60 +274,5 @@ def test_the_hand_is_nudged_along_axes_and_diagonals_and_by_a_quarter(dimension,
     np.testing.assert_allclose(nudges.sum(axis=0), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("off", "outcome"), [(2.9e-3, PASS), (3.1e-3, FAIL)])
-def test_what_is_declared_of_resolution_and_standoff_is_granted_to_a_run_that_is_stated_otherwise(off, outcome):
-    base = changed(slide(), meta={"resolution": 2e-3, "standoff": 1e-3})
-    other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
-    finding = compare_runs(Runs(base), LINE, other, "with other vertices")
-    assert finding.outcome is outcome
-    # What is beyond that, as a share of the model's size.
-    assert finding.metric.value == pytest.approx(max(off - 3e-3, 0.0) / 0.2, abs=1e-6)
-
-
-def test_of_a_tool_that_stays_where_it_is_the_force_is_said_to_be_off_and_where():
-    base = slide()
-    stronger = changed(base, force=base.force * np.where(np.arange(len(base)) == 7, 1.5, 1.0)[:, np.newaxis])
-    finding = compare_runs(Runs(base), LINE, stronger, "with other vertices")
-    off = 0.5 * float(np.linalg.norm(base.force[7]))
-    assert f"the force is off by {off:.3g} N at {Observed(base, LINE).time_and_hip(7)} (1 of " in finding.message
-    aside = changed(base, ihip=base.ihip + 1e-3 * (np.arange(len(base)) == 7)[:, np.newaxis])
-    assert "the answer is off by 1.41 mm" in compare_runs(Runs(base), LINE, aside, "with other vertices").message
-
-
-@pytest.mark.parametrize("touches", ["as it is", "otherwise"])
-def test_a_hand_that_touches_in_one_of_two_runs_alone_has_another_answer(touches):
-    held = slide()
-    free = changed(held, ihip=held.hip, force=0.0 * held.force)
-    base, other = (held, free) if touches == "as it is" else (free, held)
-    assert compare_runs(Runs(base), LINE, other, "with other vertices").outcome is FAIL
-    assert compare_runs(Runs(free), LINE, free, "with other vertices").outcome is UNDECIDED
-
-
-@given(
-    st.lists(st.integers(-5, 5), min_size=1, max_size=20), st.lists(st.integers(-400, 400), min_size=20, max_size=20)
-)
-def test_of_equally_bad_places_the_first_is_named_whatever_the_rounding(levels, units):
-    off = np.array(levels) * (1.0 + np.array(units[: len(levels)]) * np.finfo(np.float64).eps)
-    assert worst_row(off) == int(np.argmax(levels))
-
-
-def test_a_place_that_is_worse_by_more_than_rounding_is_named_and_so_is_one_among_none_judged():
-    assert worst_row(np.array([1.0, 1.0 + 2e-9])) == 1
-    assert worst_row(np.array([-1.0, -1.0 + 2e-9, -1.0])) == 1
-    assert worst_row(np.array([-np.inf, 3.0, np.inf])) == 2
-    assert worst_row(np.full(3, -np.inf)) == 0
-
-
 UP, DOWN = 1.0 + 4e-16, 1.0 - 4e-16
 """One, rounded up and down: which of two equally bad places is larger is a matter of the machine."""
-
-
-@pytest.mark.parametrize(("first", "second"), [(DOWN, UP), (UP, DOWN)])
-def test_of_two_findings_that_are_equally_far_beyond_their_bounds_the_first_is_named(first, second):
-    findings = [
-        Finding(FAIL, name, Metric("jump", off, "m"), 0.0) for name, off in zip("ab", (first, second), strict=True)
-    ]
-    assert worst_finding(findings).message == "a"
-    assert worst_finding([*findings, Finding(FAIL, "c", Metric("jump", 1.1, "m"), 0.0)]).message == "c"
-    assert worst_finding([*findings, Finding(FAIL, "d")]).message == "d", "one without a bound is worse than any"
-    assert worst_finding([]) is None

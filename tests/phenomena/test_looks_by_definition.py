@@ -7,23 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made import FAIL, PASS, UNDECIDED, changed, found, recorded
+from made import FAIL, PASS, changed, found, recorded
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.checks.continuous_contact import (
-    amplification,
-    coarsened_slope,
-)
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.decisions import HOLD_TICKS
 from hapticeval.phenomena.inherent import nearest_jump
-from hapticeval.phenomena.measures.crossings import angle_between, length_to_next_corner
-from hapticeval.phenomena.measures.jumps import (
-    with_steps_of_pieces,
-)
+from hapticeval.phenomena.measures.crossings import length_to_next_corner
 from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import followed_rows, may_begin_at_ihip
@@ -36,30 +29,6 @@ STEP = 1e-4
 
 
 class TestContinuity:
-    def test_a_map_stretches_by_the_largest_ratio_of_steps_in_contact(self):
-        base = slide()
-        ihip = np.array(base.ihip)
-        ihip[5:, 0] += 2.0 * STEP
-        ihip[9:, 0] += STEP
-        assert amplification(Observed(changed(base, ihip=ihip), LINE)) == pytest.approx(3.0)
-        assert amplification(Observed(recorded(np.abs(base.hip)), LINE)) == 0.0, "in free space"
-        hip = np.array(base.hip)
-        hip[5:, 0] -= STEP * (1.0 - 1e-9)  # a step next to nothing
-        assert amplification(Observed(changed(base, hip=hip, ihip=ihip), LINE)) == pytest.approx(2.0)
-
-    def test_a_step_that_leaves_the_contact_is_none_of_those_that_grow(self):
-        """A jump at row 12, and one that is larger where the contact is lost at row 18."""
-        along = STEP * np.arange(30) + 0.01 * (np.arange(30) >= 12) + 0.1 * (np.arange(30) >= 18)
-        hip = np.column_stack([STEP * np.arange(30), np.full(30, -1e-3)])
-        contact = (np.arange(30) != 18).astype(float)
-        base = recorded(hip, np.column_stack([along, np.zeros(30)]), 0.0 * hip, contact=contact)
-        whole = changed(base, contact=np.ones(30), rows=slice(0, 18))
-        assert (
-            coarsened_slope(Observed(base, LINE), 12)
-            == coarsened_slope(Observed(whole, LINE), 12)
-            == pytest.approx(0.0, abs=0.1)
-        )
-
     @pytest.mark.parametrize("depth", [0.02, 0.05])
     def test_under_a_bend_of_one_sampling_alone_steps_are_stretched_by_the_depth(self, depth):
         """Under 0.1 m of radius a step h of the hand moves the nearest point by h / (1 - d / 0.1)."""
@@ -73,43 +42,8 @@ class TestContinuity:
         assert finding.bound == pytest.approx(3.0 * step + (stretch - 1.0) * 3.0 * step, rel=1e-3)
         assert finding.metric.value == pytest.approx(2.0 * 0.1 * math.sin(5e-4), rel=1e-6)
 
-    def test_at_the_centre_of_a_bend_a_long_step_decides_nothing(self):
-        scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
-        hip = np.column_stack([1e-5 * (np.arange(20) - 9.5), np.full(20, 1e-6)])
-        ihip = 0.1 * hip / np.linalg.norm(hip, axis=1, keepdims=True)
-        finding = found("continuous-contact", recorded(hip, ihip, meta={"source": "playback"}), scene)
-        assert finding.outcome is UNDECIDED
-        assert "near the medial axis" in finding.message
-
-    def jumping(self, count=12, *, factor=1, jump=5e-3, aside=0.0):
-        """A hand along the line, and a tool that jumps at the sixth step; in so many parts a step."""
-        base = slide(count=(count - 1) * factor + 1, step=STEP / factor)
-        ihip = np.array(base.ihip)
-        ihip[6 * factor :, 0] += jump
-        return changed(base, ihip=ihip, hip=base.hip + np.array([aside, 0.0]))
-
-    @pytest.mark.parametrize(("late", "raised"), [(0, True), (3, True), (4, False)])
-    def test_a_step_is_one_of_pieces_that_slide_to_a_hand_of_up_to_three_ticks_ago(self, late, raised):
-        """The pieces lead to 5 mm beside where the hand was `late` ticks ago, and to a metre away for any other."""
-        base = self.jumping()
-        bounds = np.full(12, 3.0 * STEP)
-
-        def descend(before, hip, *, step):
-            assert step < bounds[6]
-            there = np.array_equal(hip, base.hip[6 - late])
-            return base.ihip[6] if there else before + np.array([0.0, 1.0])
-
-        answer = with_steps_of_pieces(Observed(base, LINE), bounds, SimpleNamespace(descend=descend))
-        assert answer[6] == pytest.approx(5e-3 + STEP if raised else 3.0 * STEP)
-        assert np.all(np.delete(answer, 6) == 3.0 * STEP)
-
 
 class TestCorners:
-    def test_the_angle_to_a_direction_is_unsigned(self):
-        vectors = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, -3.0], [-2.0, 0.0], [0.0, 0.0]])
-        angles = angle_between(vectors, np.array([1.0, 0.0]))
-        np.testing.assert_allclose(angles, np.array([0.0, 0.25, 0.5, 1.0, 0.0]) * math.pi)
-
     @pytest.mark.parametrize(("place", "length"), [(0.0, 0.5), (2.0, 2.0), (9.5, 0.5)])
     def test_the_next_corner_may_lie_over_the_seam(self, place, length):
         corners = [SimpleNamespace(s=s) for s in (0.0, 2.0, 9.5)]
@@ -208,14 +142,6 @@ class TestUnderTheHand:
         assert not may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
 
 
-def test_a_late_force_on_a_hand_outside_is_no_lack_of_a_contact_point():
-    """Of a renderer that gives its IHIP elsewhere; the heights are those of no surface."""
-    hip = 1e-3 * np.column_stack([np.zeros(12), [-1.0, -1.0, -1.0, *range(1, 10)]])
-    ihip, force = np.maximum(hip, 0.0), np.tile([0.0, 1.0], (12, 1))
-    assert not Observed(recorded(hip, ihip, force), LINE).lacks_ihip
-    assert Observed(recorded(hip, hip, force), LINE).lacks_ihip
-
-
 def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():
     """Round 0.1 m at 5 rad/s the force of 0.25 N turns by 5 mrad in a tick; undamped, a step overshoots by twice."""
     angle = 5e-3 * np.arange(20)
@@ -238,23 +164,11 @@ class TestRenewal:
         force = np.column_stack([np.zeros(count), 1000.0 * depth[np.arange(count) // every * every]])
         return recorded(hip, ihip, force, meta={"source": "playback", **(meta or {})})
 
-    @pytest.mark.parametrize(("step", "calls"), [(0.9e-4, False), (1.1e-4, True)])
-    def test_a_hand_calls_for_another_force_where_the_spring_changes_by_more_than_the_force_resolves(self, step, calls):
-        coarse = self.sinking(step, meta={"force_resolution": 0.1})
-        assert calls_for_another_force(Observed(coarse, LINE)).tolist() == [False] + 39 * [calls]
-
     def test_it_calls_for_none_along_a_face_nor_where_the_tool_goes_along(self):
         assert not calls_for_another_force(Observed(changed(slide(), meta={"source": "playback"}), LINE)).any()
         assert not calls_for_another_force(Observed(self.sinking(1e-4, follows=True), LINE)).any()
         alone = changed(slide(), ihip=slide().hip, meta={"source": "playback"})  # a force and no contact point
         assert not calls_for_another_force(Observed(alone, LINE)).any()
-
-    def test_a_log_s_forces_are_told_apart_by_a_step_in_each_component(self):
-        base = self.sinking(1e-4, count=400)
-        logged = changed(base, force=np.round(base.force / 0.5) * 0.5 + 0.0, meta={"source": "file"})
-        # Steps of 0.5 N are 0.5 mm of the spring.
-        assert not calls_for_another_force(Observed(logged, LINE)).any()
-        assert calls_for_another_force(Observed(base, LINE)).sum() == 399
 
     @pytest.mark.parametrize(("every", "outcome"), [(1, PASS), (2, FAIL), (3, FAIL)])
     def test_a_force_stands_for_the_ticks_until_it_is_renewed(self, every, outcome):
