@@ -78,6 +78,17 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
         "continuous-contact": "On the ellipsoid the normal is up to 35 degrees off, and a steady push slides. On "
         f"models with plane faces {FREE_TOOL}",
     },
+    "bullet-query": {
+        **QUERY,
+        "contact-normal-force": "On fine meshes the normal is up to 3 degrees off. The small ball is no larger than "
+        "the hull's margin of 1 mm.",
+    },
+    "bullet-coupled": {
+        **COUPLED,
+        "contact-kept": "Triangles have two sides: a tool that is through them stays inside, and holds the hand that "
+        "leaves.",
+        "continuous-contact": f"At the start of a path {FREE_TOOL}",
+    },
 }
 
 CAUSES = {(column, check): cause for column, causes in BY_COLUMN.items() for check, cause in causes.items()}
