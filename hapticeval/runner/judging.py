@@ -100,9 +100,9 @@ def judge_recorded(
         recorded = record(scene)
         for check in case.checks:
             try:
-                findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
+                findings.append(merge([finding_of_check(check, runs, scene) for runs in recorded.runs]))
             except RunawayError as raised:
-                findings.append(_ran_away(_end_by(raised)))
+                findings.append(finding_of_runaway(_end_by(raised)))
             except HapticevalError as raised:
                 # Broken in a sibling that this check asked for: others may not need it.
                 findings.append(_error_finding(raised))
@@ -115,13 +115,13 @@ def judge_recorded(
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
     except RunawayError as raised:
         ended = _end_by(raised)
-        findings = [_ran_away(ended)] * len(case.checks)
+        findings = [finding_of_runaway(ended)] * len(case.checks)
     except HapticevalError as raised:
         error = raised
         findings = [_error_finding(raised)] * len(case.checks)
     declared = {} if recorded is None else recorded.recording.meta
     return Judged(
-        _verdicts(findings, renderer, suite, case, declared),
+        verdicts_of_findings(findings, renderer, suite, case, declared),
         recording=None if recorded is None else recorded.recording,
         error=error,
         refusal=refusal,
@@ -171,7 +171,7 @@ def _margin(finding: Finding) -> float:
 def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """Return what came of a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
-    verdicts = _verdicts(findings, renderer, suite, case, {})
+    verdicts = verdicts_of_findings(findings, renderer, suite, case, {})
     return Judged(verdicts, recording=None, error=error, refusal=None, simulated_seconds=0.0, wall_seconds=0.0)
 
 
@@ -179,9 +179,10 @@ def _error_finding(error: HapticevalError) -> Finding:
     return Finding(Outcome.ERROR, "; ".join(part for part in (error.what, error.why) if part))
 
 
-def _verdicts(
+def verdicts_of_findings(
     findings: Sequence[Finding], renderer: str, suite: str, case: Case, declared: Mapping[str, Any]
 ) -> tuple[Verdict, ...]:
+    """Return findings as verdicts, with what the case publishes of them and who fails alike."""
     verdicts = []
     for check, finding in zip(case.checks, findings, strict=True):
         published = {name: Outcome(outcomes[check]) for name, outcomes in case.published.items() if check in outcomes}
@@ -202,7 +203,7 @@ def _verdicts(
     return tuple(verdicts)
 
 
-def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
+def finding_of_check(check: str, runs: Runs, scene: Scene) -> Finding:
     """Return a check's finding; a bug in the check is an error of its own and never a failure of the renderer.
 
     - A check that reads a channel which the recording lacks is undecided.
@@ -227,20 +228,20 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     except Exception as defect:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {describe_error(defect)}")
     # Outside of the boundary above: a fault in here is ours, and not the check's.
-    finding = _with_region(finding, runs.observed(scene))
+    finding = with_region(finding, runs.observed(scene))
     # Nothing is to be added where the run went to its end, or where the check could not be asked.
     if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
     if ended.get("ran_away"):
-        return _ran_away(ended, finding)
+        return finding_of_runaway(ended, finding)
     # What has failed before the end has failed. A pass until there is none of the whole run: undecided.
     if finding.outcome is Outcome.FAIL:
         return finding
     evidence = {**finding.evidence, **Facts(ended=dict(ended)).evidence}
-    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=_end_of(ended), evidence=evidence)
+    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=describe_end(ended), evidence=evidence)
 
 
-def _with_region(finding: Finding, base: Observed) -> Finding:
+def with_region(finding: Finding, base: Observed) -> Finding:
     """Add to a failure's evidence the region of the model where it is, if it names a tick of the recording."""
     tick = finding.evidence.get("tick")
     if finding.outcome is not Outcome.FAIL or not isinstance(tick, int) or tick >= len(base):
@@ -255,20 +256,20 @@ def _end_by(error: RunawayError) -> dict[str, Any]:
     return {"tick": 0, "time": 0.0, "what": error.what, "why": error.why, "ran_away": True}
 
 
-def _end_of(ended: Mapping[str, Any]) -> str:
+def describe_end(ended: Mapping[str, Any]) -> str:
     """Return in words when and why a run ended early."""
     return f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
 
 
-def _ran_away(ended: Mapping[str, Any], finding: Finding | None = None) -> Finding:
+def finding_of_runaway(ended: Mapping[str, Any], finding: Finding | None = None) -> Finding:
     """Return the failure of a loop that ran away, with what a check had found until then if that was a failure.
 
     It weighs as a must, whatever the check: a gate may not let a loop pass for which no other check is asked.
     """
     evidence = {"time": ended["time"], "tick": ended["tick"], **Facts(ended=dict(ended)).evidence}
     if finding is None or finding.outcome is not Outcome.FAIL:
-        return Finding(Outcome.FAIL, _end_of(ended), evidence=evidence, level=Level.MUST)
+        return Finding(Outcome.FAIL, describe_end(ended), evidence=evidence, level=Level.MUST)
     if finding.facts.ended is not None:  # the check has said so itself
         return replace(finding, level=Level.MUST)
-    message = f"{finding.message}; {_end_of(ended)}"
+    message = f"{finding.message}; {describe_end(ended)}"
     return replace(finding, message=message, evidence=evidence | dict(finding.evidence), level=Level.MUST)

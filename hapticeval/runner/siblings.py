@@ -101,7 +101,7 @@ class SiblingRuns:
             at_speed=self.at_speed,
             closed_form=self.closed_form,
             # along the recorded HIPs, where these ask the renderer the same again
-            without=self.without if _answers_the_hip(self.scene) else None,
+            without=self.without if answers_the_hip(self.scene) else None,
         )
 
     def _runs_of_path(self) -> Runs:
@@ -297,7 +297,7 @@ def _declared_form(renderer: WrappedRenderer, scene: Scene) -> str | None:
     return None if form is None else form.name
 
 
-def _answers_the_hip(scene: Scene) -> bool:
+def answers_the_hip(scene: Scene) -> bool:
     """Whether a path of the recorded HIPs asks a renderer the same as the closed loop: exact places and no velocity."""
     return scene.damping == 0.0 and not any(effect.stage is Stage.SENSE for effect in scene.effects)
 

@@ -12,19 +12,12 @@ from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.device import heaviest_mass
 from hapticeval.effects.actuators import JointFriction, Saturation
 from hapticeval.effects.reliefs import BumpMap, HeightMap
-from hapticeval.geometry.catalogue import circle, line
+from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.checks.contact_normal_force import (
-    StaticBalance,
-    _angles,
-    _bend_angle,
-    _error_vector_angles,
-    _force_deviation,
-    _least_depth,
-    _motors_hold_back,
-    _normal_reach,
-    _resolution_angle,
-    _rounding_angle,
-    _tilt_angle,
+    bend_angle,
+    least_depth,
+    motors_hold_back,
+    normal_reach,
     static_balance,
 )
 from hapticeval.phenomena.lag import delayed
@@ -115,94 +108,29 @@ class TestNormalForce:
         simulated = {"source": "playback", **more.pop("meta", {})}
         return recorded(hip, np.column_stack([along, np.zeros(self.COUNT)]), meta=simulated, **more)
 
-    def test_a_normal_is_looked_for_within_three_steps_of_the_tool_the_standoff_and_rounding(self):
-        rounding = 4.0 * SINGLE * LINE.model.size
-        np.testing.assert_allclose(_normal_reach(Observed(self.slide(), LINE)), 3.0 * self.STEP + rounding)
-        off = self.slide(meta={"standoff": 5e-4})
-        np.testing.assert_allclose(_normal_reach(Observed(off, LINE)), 3.0 * self.STEP + rounding + 5e-4)
-        # On a ramp a log's step is the ramp's.
-        logged = _normal_reach(Observed(self.slide(meta={"source": "log"}), LINE))
-        np.testing.assert_allclose(logged, 4.0 * self.STEP + rounding)
-        ihip = np.array(self.slide().ihip)
-        ihip[10:, 0] += self.STEP  # one step is twice as long: three ticks to either side see it
-        reach = _normal_reach(Observed(changed(self.slide(), ihip=ihip), LINE)) - rounding
-        np.testing.assert_allclose(reach, [3.0 * self.STEP * (2.0 if 7 <= row <= 13 else 1.0) for row in range(20)])
-
     def test_a_rigid_tool_s_steps_are_as_long_as_velocity_and_force_explain(self):
         hip = np.column_stack([self.STEP * np.arange(self.COUNT), np.zeros(self.COUNT)])
         force = np.tile([0.0, 2.0], (self.COUNT, 1))
         for speed, longest in ((0.11, 1.1e-4), (0.5, self.STEP + 1e-6 * 2.0 / 0.1)):
             velocity = np.tile([speed, 0.0], (self.COUNT, 1))
             tool = recorded(hip, hip, force, velocity=velocity, meta={"source": "experiment"})
-            reach = _normal_reach(Observed(tool, LINE)) - 4.0 * SINGLE * LINE.model.size
+            reach = normal_reach(Observed(tool, LINE)) - 4.0 * SINGLE * LINE.model.size
             np.testing.assert_allclose(reach, 3.0 * longest, rtol=1e-6)
-
-    def test_the_least_depth_within_a_lag_counts_and_a_row_without_one_does_not(self):
-        base = self.slide()
-        hip = np.array(base.hip)
-        hip[8, 1], hip[12, 1] = -1e-3, 0.0
-        depths = _least_depth(changed(base, hip=hip), np.arange(20))
-        assert depths.tolist() == [1e-3 if 8 <= row <= 11 else 2e-3 for row in range(20)]
-        rigid = changed(base, hip=base.ihip)
-        assert not _least_depth(rigid, np.arange(20)).any()
-        np.testing.assert_allclose(_tilt_angle(base, self.ROWS, 1e-3), math.asin(0.5))
-        np.testing.assert_allclose(_tilt_angle(base, self.ROWS, 5e-3), 0.5 * math.pi)
-        assert not _tilt_angle(rigid, self.ROWS, 1e-3).any()
-
-    def test_rounding_and_resolution_tilt_a_spring_by_their_share_of_the_depth(self):
-        simulated = {"source": "playback"}
-        base = self.slide(meta=simulated)
-        rounded = 1e-6 + 4.0 * SINGLE * LINE.model.size / 2e-3
-        np.testing.assert_allclose(_rounding_angle(Observed(base, LINE), self.ROWS), rounded, rtol=1e-6)
-        for declared, counts in ((5e-5, 5e-5), (1e-2, self.STEP)):
-            coarse = self.slide(meta={**simulated, "resolution": declared})
-            tilt = math.asin(counts / 2e-3)
-            np.testing.assert_allclose(_resolution_angle(Observed(coarse, LINE), self.ROWS), tilt, rtol=1e-6)
-            np.testing.assert_allclose(_rounding_angle(Observed(coarse, LINE), self.ROWS), rounded + tilt, rtol=1e-6)
-        rigid = changed(base, hip=base.ihip, force=np.tile([0.0, 2.0], (20, 1)))
-        np.testing.assert_allclose(_rounding_angle(Observed(rigid, LINE), self.ROWS), 1e-6 + 4.0 * SINGLE)
-
-    def test_a_log_s_force_is_off_by_half_a_step_in_each_component(self):
-        step = 0.02
-        random = np.random.default_rng(1)
-        force = step * np.column_stack([random.integers(0, 9, 3000), random.integers(90, 110, 3000)])
-        hip = np.column_stack([self.STEP * np.arange(3000), np.full(3000, -2e-3)])
-        logged = recorded(hip, hip * [1.0, 0.0], force)
-        simulated = changed(logged, meta={"source": "playback"})
-        rows = np.arange(3, 2990)
-        added = _rounding_angle(Observed(logged, LINE), rows) - _rounding_angle(Observed(simulated, LINE), rows)
-        size = np.linalg.norm(force[rows], axis=1)
-        np.testing.assert_allclose(added, np.arcsin(0.5 * step * math.sqrt(2.0) / size), rtol=1e-6)
 
     def test_a_path_that_bends_leaves_a_late_force_its_sagitta(self):
         base = self.slide()
         hip = np.array(base.hip)
         hip[10:, 1] -= self.STEP * np.arange(10)  # it bends in row 10
         bent = changed(base, hip=hip)
-        assert not _bend_angle(bent, self.ROWS, None).any()
-        assert not _bend_angle(bent, self.ROWS, 0.0).any()
-        angles = _bend_angle(bent, self.ROWS, 0.5)
+        assert not bend_angle(bent, self.ROWS, None).any()
+        assert not bend_angle(bent, self.ROWS, 0.0).any()
+        angles = bend_angle(bent, self.ROWS, 0.5)
         sagitta = self.STEP * np.array([1.0, 0.0])[0] / 8.0
-        least = _least_depth(bent, self.ROWS)
+        least = least_depth(bent, self.ROWS)
         expected = [
             math.asin(sagitta / depth) if 10 <= row <= 13 else 0.0 for row, depth in zip(self.ROWS, least, strict=True)
         ]
         np.testing.assert_allclose(angles, expected, rtol=1e-6, atol=1e-15)
-
-    def test_a_force_is_drawn_to_the_hip_of_the_lag(self):
-        base = self.slide()
-        late = changed(base, ihip=base.ihip - np.array([2.0 * self.STEP, 0.0]))
-        springs = changed(late, force=1000.0 * (late.ihip - late.hip))
-        angle = LINE.model.boundary.normal_cone(springs.ihip[self.ROWS], np.zeros(self.ROWS.size))
-        leans = math.atan(2.0 * self.STEP / 2e-3)
-        np.testing.assert_allclose(_force_deviation(Observed(springs, LINE), self.ROWS, angle, None), leans, rtol=1e-6)
-        np.testing.assert_allclose(_force_deviation(Observed(springs, LINE), self.ROWS, angle, 2.0), 0.0, atol=2e-3)
-        downwards = np.tile([0.1, -1.0], (self.ROWS.size, 1))
-        assert _angles(downwards, LINE, angle)[0] == pytest.approx(math.pi - math.atan(0.1))
-        held = Scene(model=line(), stiffness=1000.0, bilateral=True)
-        assert _angles(downwards, held, angle)[0] == pytest.approx(math.atan(0.1))
-        leaning = _error_vector_angles(springs, self.ROWS, angle)
-        assert leaning["error_vector_angle_median_deg"] == pytest.approx(math.degrees(leans))
 
     def pressed(self, *, push=2.0, gain=1.0, speed=0.0, drift=0.0, count=500):
         rest = np.zeros((count, 2))
@@ -211,39 +139,6 @@ class TestNormalForce:
         force = rest + np.array([0.0, gain * push])
         hip = ihip - np.array([0.0, 2e-3])
         return recorded(hip, ihip, force, meta=LOOP, velocity=velocity, operator_force=rest + np.array([0.1, -push]))
-
-    def test_at_rest_the_force_is_compared_with_the_push_within_the_momentum_s_share(self):
-        difference, allowed, push = static_balance(Observed(self.pressed(gain=1.2), LINE))
-        assert (difference, push) == (pytest.approx(0.4), pytest.approx(2.0))
-        assert allowed == pytest.approx(SINGLE * 2.0)
-        speed = 5e-3
-        _, allowed, _ = static_balance(Observed(self.pressed(speed=speed), LINE))
-        assert allowed == pytest.approx(2.0 * 0.1 * speed / (99 * 1e-3) + SINGLE * 2.0)
-        fast = 1.01 * 0.1 * 2.0 * 99e-3 / (2.0 * 0.1)
-        assert "momentum may make a tenth" in static_balance(Observed(self.pressed(speed=fast), LINE)).reason
-        assert isinstance(static_balance(Observed(self.pressed(speed=0.97 * fast), LINE)), StaticBalance)
-        assert "not at rest" in static_balance(Observed(self.pressed(drift=1e-4), LINE)).reason
-        assert "does not push" in static_balance(Observed(self.pressed(push=-2.0), LINE)).reason
-        held = Scene(model=line(), stiffness=1000.0, mass=0.1, bilateral=True)
-        assert static_balance(Observed(self.pressed(), held)).reason == ""
-        assert static_balance(Observed(self.pressed(count=1), LINE)).reason == ""
-
-    @pytest.mark.parametrize(("drift", "rests"), [(1.03e-5, True), (1.05e-5, False)])
-    def test_a_tool_that_stands_off_is_at_rest_within_three_steps_and_the_standoff(self, drift, rests):
-        """Over 100 rows it drifts by 99 steps, of which 96 have to be within the millimetre that it stands off by."""
-        base = self.pressed(drift=drift)
-        off = changed(base, ihip=base.ihip + np.array([0.0, 1e-3]), meta={"standoff": 1e-3})
-        assert isinstance(static_balance(Observed(off, LINE)), StaticBalance) is rests
-
-    def test_force_and_push_are_taken_along_the_normal_where_the_tool_ends(self):
-        round_scene = Scene(model=circle(size=0.2), stiffness=1000.0, mass=0.1)
-        angle = np.where(np.arange(50) < 49, 0.0, 0.01)  # the last step is within what counts as one place
-        out = np.column_stack([np.cos(angle), np.sin(angle)])
-        push = np.tile([-2.0, 0.0], (50, 1))
-        base = recorded(0.098 * out, 0.1 * out, -1.1 * push, meta=LOOP, velocity=0.0 * out, operator_force=push)
-        difference, _, pushed = static_balance(Observed(base, round_scene))
-        assert pushed == pytest.approx(2.0 * math.cos(0.01), rel=1e-9)
-        assert difference == pytest.approx(0.2 * math.cos(0.01), rel=1e-9)
 
     def test_a_robot_s_momentum_is_that_of_its_heaviest_direction_at_its_largest_speed(self):
         robot = make_device("parallelogram-2dof")
@@ -262,12 +157,12 @@ class TestNormalForce:
         torque = np.zeros((500, 2))
         torque[450, 1] = -2.0
         base = changed(self.pressed(), joint_torque=torque)
-        assert _motors_hold_back(Observed(base, limited), slice(400, 499))
-        assert not _motors_hold_back(Observed(base, limited), slice(451, 499))
-        assert not _motors_hold_back(Observed(changed(base, joint_torque=0.99 * torque), limited), slice(400, 499))
-        assert not _motors_hold_back(Observed(base, LINE), slice(400, 499))
-        assert not _motors_hold_back(Observed(self.pressed(), limited), slice(400, 499)), "no torque was recorded"
-        assert _motors_hold_back(Observed(base, LINE.with_effects(JointFriction(torque=0.01))), slice(0, 1))
+        assert motors_hold_back(Observed(base, limited), slice(400, 499))
+        assert not motors_hold_back(Observed(base, limited), slice(451, 499))
+        assert not motors_hold_back(Observed(changed(base, joint_torque=0.99 * torque), limited), slice(400, 499))
+        assert not motors_hold_back(Observed(base, LINE), slice(400, 499))
+        assert not motors_hold_back(Observed(self.pressed(), limited), slice(400, 499)), "no torque was recorded"
+        assert motors_hold_back(Observed(base, LINE.with_effects(JointFriction(torque=0.01))), slice(0, 1))
 
     def test_at_rest_the_depth_is_that_of_the_last_row(self):
         base = self.pressed()
@@ -276,14 +171,6 @@ class TestNormalForce:
         evidence = found("contact-normal-force", changed(base, hip=hip), LINE).evidence
         assert evidence["static_depth_m"] == pytest.approx(1e-3)
         assert evidence["apparent_stiffness_N_m"] == pytest.approx(2.0 / 1e-3)
-
-    def test_a_path_that_bends_after_its_first_row_leaves_that_row_nothing(self):
-        base = self.slide()
-        hip = np.array(base.hip)
-        hip[2:, 1] -= self.STEP
-        angles = _bend_angle(changed(base, hip=hip), np.arange(4), 0.5)
-        assert angles[0] == 0.0
-        assert np.all(angles[1:] > 0.0)
 
 
 class TestReliefChannel:

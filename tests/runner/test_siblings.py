@@ -17,8 +17,16 @@ from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
-from hapticeval.runner.judging import _end_of, _finding, _ran_away, _verdicts, _with_region, error_verdicts, judge
-from hapticeval.runner.siblings import SiblingRuns, _answers_the_hip
+from hapticeval.runner.judging import (
+    describe_end,
+    error_verdicts,
+    finding_of_check,
+    finding_of_runaway,
+    judge,
+    verdicts_of_findings,
+    with_region,
+)
+from hapticeval.runner.siblings import SiblingRuns, answers_the_hip
 from hapticeval.suite.reading import load_suite
 
 THESIS = load_suite("thesis")
@@ -150,7 +158,7 @@ def test_a_loop_is_asked_again_without_an_effect_where_its_places_tell_all(effec
     """Along the recorded HIPs a renderer answers as in the loop only if it was given these, and no velocity."""
     case = CASES["press"]
     scene = structs.replace(case, scene={**case.scene, "effects": list(effects), "damping": damping}).build_scene()
-    assert _answers_the_hip(scene) is (exact and damping == 0.0)
+    assert answers_the_hip(scene) is (exact and damping == 0.0)
 
 
 class TestFindings:
@@ -159,35 +167,38 @@ class TestFindings:
     FAILED = Finding(Outcome.FAIL, "off", Metric("m", 2.0, "m"), 1.0, {"tick": 2, "time": 0.002})
 
     def test_an_end_is_told_with_its_time(self):
-        assert _end_of(self.ENDED) == "the run ended at t = 0.003 s: it left"
+        assert describe_end(self.ENDED) == "the run ended at t = 0.003 s: it left"
 
     def test_a_loop_that_ran_away_fails_a_must(self):
-        bare = _ran_away(self.ENDED)
+        bare = finding_of_runaway(self.ENDED)
         assert (bare.outcome, bare.level, bare.evidence["tick"]) == (Outcome.FAIL, Level.MUST, 3)
-        passed = _ran_away(self.ENDED, Finding(Outcome.PASS, "well"))
+        passed = finding_of_runaway(self.ENDED, Finding(Outcome.PASS, "well"))
         assert passed.message == "the run ended at t = 0.003 s: it left"
-        failed = _ran_away(self.ENDED, self.FAILED)
+        failed = finding_of_runaway(self.ENDED, self.FAILED)
         assert failed.message == "off; the run ended at t = 0.003 s: it left"
         assert (failed.level, failed.metric, failed.evidence["tick"]) == (Level.MUST, self.FAILED.metric, 2)
         said = Finding(Outcome.FAIL, "said", evidence={"ended": {}})
-        assert (_ran_away(self.ENDED, said).message, _ran_away(self.ENDED, said).level) == ("said", Level.MUST)
+        assert (finding_of_runaway(self.ENDED, said).message, finding_of_runaway(self.ENDED, said).level) == (
+            "said",
+            Level.MUST,
+        )
 
     @pytest.mark.parametrize(("tick", "placed"), [(4, True), (5, False), ("2", False)])
     def test_a_failure_s_region_is_that_of_a_tick_of_the_recording(self, tick, placed):
         finding = Finding(Outcome.FAIL, "off", evidence={"tick": tick})
-        assert ("region" in _with_region(finding, Observed(self.BASE, PRESS.build_scene())).evidence) is placed
+        assert ("region" in with_region(finding, Observed(self.BASE, PRESS.build_scene())).evidence) is placed
         passed = Finding(Outcome.PASS, "well", evidence={"tick": 2})
-        assert _with_region(passed, Observed(self.BASE, PRESS.build_scene())) is passed
+        assert with_region(passed, Observed(self.BASE, PRESS.build_scene())) is passed
 
     def ended_early(self, monkeypatch, finding, ended, **meta):
         monkeypatch.setattr("hapticeval.runner.judging.CHECKS", {"contact-kept": lambda runs, scene: finding})
         base = Recording(self.BASE.time, self.BASE.channels, meta if ended is None else {"ended": ended, **meta})
-        return _finding("contact-kept", Runs(base), PRESS.build_scene())
+        return finding_of_check("contact-kept", Runs(base), PRESS.build_scene())
 
     def test_a_pass_up_to_an_early_end_is_undecided_and_a_failure_stays(self, monkeypatch):
         passed = Finding(Outcome.PASS, "well", evidence={"n": 1})
         finding = self.ended_early(monkeypatch, passed, self.ENDED)
-        assert (finding.outcome, finding.message) == (Outcome.INCONCLUSIVE, _end_of(self.ENDED))
+        assert (finding.outcome, finding.message) == (Outcome.INCONCLUSIVE, describe_end(self.ENDED))
         assert finding.evidence == {"n": 1, "ended": self.ENDED}
         assert self.ended_early(monkeypatch, passed, None) is passed
         assert self.ended_early(monkeypatch, self.FAILED, self.ENDED).outcome is Outcome.FAIL
@@ -219,7 +230,8 @@ class TestFindings:
                         for other in case.checks
                     ]
                     verdicts = {
-                        verdict.check: verdict for verdict in _verdicts(findings, failing[0], "thesis", case, {})
+                        verdict.check: verdict
+                        for verdict in verdicts_of_findings(findings, failing[0], "thesis", case, {})
                     }
                     assert verdicts[check].alike == tuple(failing[1:])
                     assert verdicts[check].published is Outcome.FAIL

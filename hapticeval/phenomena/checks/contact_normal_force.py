@@ -56,14 +56,14 @@ def _judge(base: Observed) -> Finding:
 def _judge_direction(base: Observed) -> tuple[Finding, str]:
     """Return what the force's direction shows, and in words what a declared resolution had to grant it."""
     scene, pressed_rows = base.scene, np.flatnonzero(base.pressed)
-    declared, near = base.resolution, _normal_reach(base)[pressed_rows]
+    declared, near = base.resolution, normal_reach(base)[pressed_rows]
     # Around the IHIP every normal within its lag and the declared resolution is a true one.
     angle_outside = base.boundary.normal_cone(base.ihip[pressed_rows], near + declared)
     rounded = _rounding_angle(base, pressed_rows)
     lag = _ihip_lag(base, pressed_rows, angle_outside, rounded)
     deviation = _force_deviation(base, pressed_rows, angle_outside, lag)
     # What rounding leaves, and what a lag leaves of a path that bends.
-    allowed = rounded + _bend_angle(base, pressed_rows, lag)
+    allowed = rounded + bend_angle(base, pressed_rows, lag)
     worst = worst_row(deviation - allowed)
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(pressed_rows[worst])
@@ -169,7 +169,7 @@ def _error_vector_angles(
     }
 
 
-def _normal_reach(recording: Observed) -> Array:
+def normal_reach(recording: Observed) -> Array:
     """Return how far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
 
     - IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be
@@ -256,7 +256,7 @@ def _ihip_lag(
     return recording.lag.ihip if np.any(present[asks] > rounded[asks]) else None
 
 
-def _bend_angle(recording: Observed, pressed_rows: IntArray, lag: float | None) -> Array:
+def bend_angle(recording: Observed, pressed_rows: IntArray, lag: float | None) -> Array:
     """Return the angle (n,), rad, that a path which bends between ticks leaves in forces that are `lag` ticks late.
 
     A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
@@ -272,11 +272,11 @@ def _bend_angle(recording: Observed, pressed_rows: IntArray, lag: float | None) 
 
 def _tilt_angle(recording: Observed, pressed_rows: IntArray, aside: Array | float) -> Array:
     """Return the angle (n,), rad, by which a spring tilts whose end lies `aside` by m; 0 where a force has no depth."""
-    depth = _least_depth(recording, pressed_rows)
+    depth = least_depth(recording, pressed_rows)
     return np.asarray(np.arcsin(np.minimum(np.divide(aside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
 
 
-def _least_depth(recording: Observed, pressed_rows: IntArray) -> Array:
+def least_depth(recording: Observed, pressed_rows: IntArray) -> Array:
     """Return the least depth (n,), m, of the three ticks that a force may be late; 0 where it has none in any."""
     depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
     # A row without a depth does not bound it.
@@ -304,7 +304,7 @@ def _rounding_angle(recording: Observed, pressed_rows: IntArray) -> Array:
     Each component of a force that a log gives in steps of q is off by up to q / 2; a force of a declared resolution, by
     as much to any side. Who answers in single precision may have the corners of a triangle in it.
     """
-    depth = _least_depth(recording, pressed_rows)
+    depth = least_depth(recording, pressed_rows)
     stretch = np.divide(recording.scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
     # Rounding of two positions over their difference: SINGLE size / depth.
     angle = (
@@ -359,7 +359,7 @@ def static_balance(recording: Observed) -> StaticBalance | Unbalanced:
     force = float(np.mean(recording.force[acting] @ normal))
     # The push is positive into the surface.
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
-    if _motors_hold_back(recording, acting):
+    if motors_hold_back(recording, acting):
         return Unbalanced("at the end motors hold back what the renderer asks for")
     momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
     if not isinstance(scene.robot, PointMass):
@@ -376,7 +376,7 @@ def static_balance(recording: Observed) -> StaticBalance | Unbalanced:
     return StaticBalance(force - push, allowed, push)
 
 
-def _motors_hold_back(recording: Observed, rows: slice) -> bool:
+def motors_hold_back(recording: Observed, rows: slice) -> bool:
     """Return whether in some of the rows motors hold back what the renderer asks for: at their limit, or rubbing."""
     saturation = recording.scene.effect(SATURATION)
     limited = saturation is not None and "joint_torque" in recording.channels
