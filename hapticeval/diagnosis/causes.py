@@ -398,22 +398,22 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
 
 def limits(deviation: Deviation) -> Iterator[Cause]:
     """Yield a force that stays below a level, and one that is silent up to one: as a whole, and axis by axis."""
-    force, right_force = deviation.force, deviation.right_force
+    force, right_force = deviation.force[deviation.counted], deviation.right_force[deviation.counted]
     size = np.linalg.norm(right_force, axis=1)
     if not size.any():
         return
+
+    def left_by(model: Array) -> float:
+        return power(force - model)
+
     level = fit_level(dot_rows(force, unit_rows(right_force)), size)
     if level < 0.9999 * size.max():
         model = right_force * np.minimum(1.0, level / np.maximum(size, 1e-300))[:, None]
-        yield Cause(
-            "limit", f"the force never exceeds {text(level)} N", deviation.left_by(model), 1.0, {"newtons": level}
-        )
+        yield Cause("limit", f"the force never exceeds {text(level)} N", left_by(model), 1.0, {"newtons": level})
     level = fit_level((force * np.sign(right_force)).ravel(), np.abs(right_force).ravel())
     if level < 0.9999 * np.abs(right_force).max():
         words = f"each component of the force is cut at {text(level)} N"
-        yield Cause(
-            "limit of each axis", words, deviation.left_by(np.clip(right_force, -level, level)), 1.0, {"newtons": level}
-        )
+        yield Cause("limit of each axis", words, left_by(np.clip(right_force, -level, level)), 1.0, {"newtons": level})
     for kind, sizes in (("dead band", size[:, None]), ("dead band of each axis", np.abs(right_force))):
         # The level below which silence saves most: sorted by size, what it saves is a running sum.
         sizes_of_all = np.broadcast_to(sizes, right_force.shape).ravel()
@@ -424,19 +424,19 @@ def limits(deviation: Deviation) -> Iterator[Cause]:
             level = float(sizes_of_all[order][silent - 1])
             model = np.where(sizes <= level, 0.0, right_force)
             words = f"{kind}: no force where less than {text(level)} N are asked"
-            yield Cause(kind, words, deviation.left_by(model), 1.1, {"newtons": level})
+            yield Cause(kind, words, left_by(model), 1.1, {"newtons": level})
 
 
 def depths(deviation: Deviation) -> Iterator[Cause]:
     """Yield a surface that is farther out or in than the model's, and a power of the depth in place of a spring."""
     contact, force = deviation.contact, deviation.force
-    deep = contact.touches & (contact.depth > 1e-9)
+    deep = contact.touches & (contact.depth > 1e-9) & deviation.counted
     if np.count_nonzero(deep) <= 10:
         return
     along = dot_rows(force, contact.normal)
     offset = float(np.median(along[deep] / contact.stiffness - contact.depth[deep]))
     for _ in range(8):
-        on = contact.depth + offset > 0.0
+        on = (contact.depth + offset > 0.0) & deviation.counted
         if not on.any():
             break
         offset = float(np.mean(along[on] / contact.stiffness - contact.depth[on]))
@@ -550,7 +550,7 @@ def beginnings_and_ends(deviation: Deviation) -> Iterator[Cause]:
         seconds, largest = float(since[after].max()) * contact.step, float(felt[after].max())
         words = f"a force of up to {text(largest)} N outlasts the contact by {text(1e3 * seconds)} ms"
         yield Cause("residue", words, deviation.left_by(model), 3.0, {"seconds": seconds, "newtons": largest})
-    leaving = np.flatnonzero(contact.touches & (contact.normal_speed > 0.0))
+    leaving = np.flatnonzero(contact.touches & (contact.normal_speed > 0.0) & deviation.counted)
     if leaving.size:
         # The depth below which silence on the way out saves most.
         order = leaving[np.argsort(contact.depth[leaving])]

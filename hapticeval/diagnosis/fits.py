@@ -227,20 +227,17 @@ def fit_hold(signal: Array, source: Array, around: int | None = None) -> tuple[i
 def fit_level(along: Array, size: Array) -> float:
     """Return the level L at which `along` = min(size, L) leaves least, for numbers (n,) of any unit.
 
-    Exact: the squares that a level leaves are a sum over what is above it, so the best one lies where it is the mean
-    of `along` over just these rows.
+    Exact: between two neighbouring sizes the squares that L leaves are a parabola, whose least value lies at the mean
+    of `along` over the rows above, or at the nearer of the two sizes.
     """
     order = np.argsort(-size)
     sizes, values = size[order], along[order]
     count = np.arange(1, len(sizes) + 1)
     sums, squares = np.cumsum(values), np.cumsum(values**2)
     below = np.cumsum(((values - sizes) ** 2)[::-1])[::-1]
-    levels = np.maximum(sums / count, 0.0)
+    levels = np.clip(sums / count, np.r_[sizes[1:], 0.0], sizes)
     left = squares - 2.0 * levels * sums + count * levels**2 + np.r_[below[1:], 0.0]
-    fits = (levels <= sizes + 1e-12 * sizes[0]) & (levels >= np.r_[sizes[1:], 0.0] - 1e-12 * sizes[0])
-    if not fits.any():
-        return float(sizes[0])
-    return float(levels[np.argmin(np.where(fits, left, np.inf))])
+    return float(levels[np.argmin(left)])
 
 
 class Interval(NamedTuple):

@@ -1,7 +1,7 @@
 """Planted causes against those that are named, as the table of docs/diagnosis.md.
 
-`python tests/diagnosis/confusion.py SITUATIONS SEED` plants each fault once in so many drawn situations, in the answers
-of a renderer and in a noisy log of them.
+`python tests/diagnosis/confusion.py SITUATIONS SEED...` plants each fault in so many drawn situations of each seed,
+in the answers of a renderer and in a noisy log of them.
 """
 
 from __future__ import annotations
@@ -54,15 +54,16 @@ def diagnose_log(planted: Planted, situation: Situation) -> Diagnosis:
     return diagnose(logged, force, noisy=True)
 
 
-def main(count: int, seed: int) -> None:
-    """Plant everything in `count` situations, and print the two tables."""
-    rng, seconds = np.random.default_rng(seed), []
+def main(count: int, *seeds: int) -> None:
+    """Plant everything in `count` situations of each seed, and print the two tables."""
+    seconds: list[float] = []
     tables: dict[str, dict[tuple[str, str], Counter[str]]] = {
         "renderer": defaultdict(Counter),
         "log": defaultdict(Counter),
     }
     alarms = Counter[str]()
-    for situation in (draw_situation(rng) for _ in range(count)):
+    for rng in (rng for rng in map(np.random.default_rng, seeds) for _ in range(count)):
+        situation = draw_situation(rng)
         contact = situation.contact
         right = Planted(contact.force, contact.point)
         alarms["renderer"] += diagnose(contact, contact.force, contact.point).off
@@ -86,7 +87,7 @@ def main(count: int, seed: int) -> None:
                     print(f"{kind} in a log: {diagnosis.sentence}", file=sys.stderr)
     for source, table in tables.items():
         whole = sum(table.values(), Counter())
-        print(f"\n{source}: {whole.total()} planted, false alarms {alarms[source]} of {count}\n")
+        print(f"\n{source}: {whole.total()} planted, false alarms {alarms[source]} of {count * len(seeds)}\n")
         print(f"| planted | of | {' | '.join(OUTCOMES)} |\n|---|---|{'---|' * len(OUTCOMES)}")
         for (kind, channel), row in table.items():
             print(f"| {kind} | {channel} | {' | '.join(str(row[outcome]) for outcome in OUTCOMES)} |")
@@ -96,4 +97,4 @@ def main(count: int, seed: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    main(*map(int, sys.argv[1:]))

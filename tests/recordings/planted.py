@@ -237,8 +237,8 @@ NAMED_AS: dict[str, str] = {
     "force: one axis gone": "gain of an axis",
     "force: constant": "constant",
     "force: clipped at 1 N": "limit",
-    # -|f| on both axes that are pressed: reversed, with the rectified noise as a small constant force.
-    "force: half-wave rectified wrongly": "gain + bias",
+    # -|f| on both axes that are pressed: reversed. The rectified noise is a constant force of less than 1 %.
+    "force: half-wave rectified wrongly": "sign",
     # 0.5 N at 500 N/m: a force that begins 1 mm inside.
     "force: dead zone of 0.5 N": "offset",
     "hand: mm declared m": "position unit",
