@@ -39,7 +39,7 @@ COUPLED = {
 
 MUJOCO_COUPLED = {
     **COUPLED,
-    "contact-kept": THROUGH_IN_A_TICK,
+    "contact-kept": f"{THROUGH_IN_A_TICK} A free tool's inertia is felt in free space.",
     "continuous-contact": f"{THROWN_OUT} On convex models {FREE_TOOL}",
     "passivity": THROWN_OUT,
 }
@@ -47,8 +47,8 @@ MUJOCO_COUPLED = {
 BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     "mujoco-query": {
         **QUERY,
-        "contact-kept": f"{THROUGH_IN_A_TICK} In `laps-niche` the IHIP jumps from a face of the model to one of its "
-        "convex hull.",
+        "contact-kept": f"A hand in a notch is inside of the convex hull, and pushed in free space of the model. "
+        f"{THROUGH_IN_A_TICK}",
         "contact-normal-force": "In a notch the contact is with the convex hull. Elsewhere the normal is as good as "
         "`ccd_tolerance`: on a cube 3e-4 degrees off with the default of 1e-6, and 1e-9 with 1e-12.",
         "continuous-contact": f"{NEAREST_FACE} In a notch it is the convex hull's, off the model.",
@@ -56,7 +56,8 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     "mujoco-coupled": MUJOCO_COUPLED,
     "mujoco-stiff": {
         **MUJOCO_COUPLED,
-        "contact-kept": f"{THROUGH_IN_A_TICK} At the star's tip the tool leaves the thin end on its other side.",
+        "contact-kept": f"{THROWN_OUT} {THROUGH_IN_A_TICK} At the star's tip the tool leaves the thin end on its "
+        "other side.",
     },
     "fcl-triangles": {
         "broken-contact": "Where the hand goes out by the other face, the ball touches that one from inside.",
@@ -74,7 +75,7 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     },
     "fcl-coupled": {
         **COUPLED,
-        "contact-kept": "A tool that settles beside the hand is felt by the coupling's damper, with less than 1 mN.",
+        "contact-kept": "A tool that is not at the hand in free space is felt by the coupling.",
         "continuous-contact": "On the ellipsoid the normal is up to 35 degrees off, and a steady push slides. On "
         f"models with plane faces {FREE_TOOL}",
     },
