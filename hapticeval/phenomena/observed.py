@@ -29,7 +29,7 @@ from hapticeval.phenomena.sampling import (
     worst_row,
 )
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import quantization_step
+from hapticeval.recordings.quantization import are_singles, quantization_step
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of, single_rounding
 from hapticeval.renderer import STIFFNESS_LIMITS
 from hapticeval.scene import Scene
@@ -413,8 +413,7 @@ class Observed:
         It is so answered where each coordinate of an IHIP apart from its HIP is a number of single precision.
         """
         points = self.ihip[self.apart]
-        answers_singles = points.size > 0 and np.array_equal(points, points.astype(np.float32))
-        return single_rounding(points) if answers_singles else 0.0
+        return single_rounding(points) if points.size > 0 and are_singles(points) else 0.0
 
     def rounding_floor(
         self, sizes: Array, per_metre: float | Array, *, share: float = SINGLE_ROUNDINGS * SINGLE

@@ -113,15 +113,19 @@ def rounded_as(values: Array, source: Array) -> Array:
     return values if step == 0.0 else np.rint(values / step) * step
 
 
+def are_singles(values: Array) -> bool:
+    """Return whether all of `values`, of any shape and unit, are finite numbers of single precision."""
+    with np.errstate(over="ignore"):  # what is too large for one is none
+        return np.array_equal(values.astype(np.float32), values)
+
+
 def single_precision_step(values: Array) -> float:
     """The spacing of single precision at the largest number of a column (n,), in its unit (m, N, rad, ...).
 
     It is 0 where not every number is one of single precision.
     """
     sample, largest = _sample(values)
-    with np.errstate(over="ignore"):
-        alike = sample.size > 0 and np.array_equal(sample.astype(np.float32), sample)
-    return float(np.spacing(np.float32(largest))) if alike else 0.0
+    return float(np.spacing(np.float32(largest))) if sample.size > 0 and are_singles(sample) else 0.0
 
 
 def decimal_step(values: Array) -> float:

@@ -151,6 +151,14 @@ odd = st.fixed_dictionaries(
 )
 
 
+BEYOND_SINGLE = {"attributes": {}, "shift": 3.4028235677973472e38, "until": 109, "breaks": "none"}
+"""An answer that rounding takes beyond the largest number of single precision."""
+
+
+@example(
+    traits={"kind": "tuple", "lag": 0, "every": 8, "factor": 0.0, **BEYOND_SINGLE},
+    judged=led({"kind": "circle"}, [[0.0, 0.0], [0.0, 0.027]], 0.02),
+)
 @settings(max_examples=15)
 @given(traits=odd, judged=cases)
 def test_any_renderer_gets_a_verdict_on_every_check_and_the_same_again(traits, judged):

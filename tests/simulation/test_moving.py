@@ -23,7 +23,7 @@ from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.motions import Poses, Slide, Spin, Swing
 from hapticeval.stimulus.stimulus import Experiment, Path
-from hapticeval.strategies import hand_paths, motions  # JOINED
+from hapticeval.strategies import hand_paths, motions
 from hapticeval.suite.case import Case
 
 DT = 1e-3
@@ -70,7 +70,10 @@ def test_verdicts_and_numbers_are_those_of_the_body_at_rest(name, kind, data):
         assert moved.outcome is still.outcome, (still.check, still.finding.message, moved.finding.message)
         if still.finding.metric is not None:
             size = max(abs(still.finding.metric.value), model.size)
-            assert moved.finding.metric.value == pytest.approx(still.finding.metric.value, abs=1e-9 * size)
+            # A share is a median: where the hand hardly moves rounding says whether a tick counts, and its neighbour is
+            # in the middle then.
+            allowed = 1e-9 * size if still.finding.metric.unit else 1e-7
+            assert moved.finding.metric.value == pytest.approx(still.finding.metric.value, abs=allowed)
     if rest.recording is not None:
         for channel in ("hip", "ihip", "force", "velocity"):
             if channel in rest.recording.channels:

@@ -23,7 +23,7 @@ from hapticeval.stimulus.motions import (
     unjudged_rows,
 )
 from hapticeval.stimulus.stimulus import Path
-from hapticeval.strategies import motions  # JOINED
+from hapticeval.strategies import motions
 
 DT = 1e-3
 STAR, CUBE = make_model("star"), make_model("cube")

@@ -27,6 +27,7 @@ from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.sampling import worst_of, worst_row
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.quantization import are_singles
 from hapticeval.recordings.recording import DOUBLE, SINGLE, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -170,7 +171,7 @@ def find_contacts(base: Observed, plain: Observed, effect: Any) -> list[StruckCo
     velocity = base.velocity
     added = base.force - plain.force
     # A recording in single precision is one in which every force is a single number.
-    single = bool(np.all(base.force.astype(np.float32) == base.force))
+    single = are_singles(base.force)
     largest = np.maximum(*(recording.force_size for recording in (base, plain)))
     # N, of the larger of both forces.
     rounding = base.rounding_floor(largest, scene.stiffness, share=SINGLE_ROUNDINGS * (SINGLE if single else DOUBLE))

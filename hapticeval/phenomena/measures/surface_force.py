@@ -9,6 +9,7 @@ import numpy as np
 from hapticeval.effects.catalogue import VISCOUS_FRICTION
 from hapticeval.phenomena.decisions import COORDINATE_ROUNDINGS
 from hapticeval.phenomena.observed import Observed
+from hapticeval.recordings.quantization import are_singles
 from hapticeval.recordings.recording import DOUBLE, SINGLE
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -120,7 +121,7 @@ def viscous_coefficient(scene: Scene) -> float:
 
 def ihip_precision(base: Observed) -> float:
     """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
-    return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
+    return SINGLE if are_singles(base.ihip) else DOUBLE
 
 
 def ihip_rounding(base: Observed) -> float:
