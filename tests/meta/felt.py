@@ -273,7 +273,7 @@ BROKEN: Mapping[str, Outsider] = {
     "backwards": Outsider(
         partial(Composed, backwards=True), {"effects-order": "friction first, or vibrations"}, TOGETHER
     ),
-    "thin": Outsider(Thin, {"friction-force": "half the viscosity", "friction-work": "and half its work"}, BRAKED),
+    "thin": Outsider(Thin, {"friction-force": "half the viscosity"}, BRAKED),
 }
 """What each fault fails, and why."""
 

@@ -93,7 +93,9 @@ def bounds(god: Recording, scene: Scene, behind: float) -> tuple[Array, Array, A
     along = np.einsum("ij,ij->i", hand, tool) / np.maximum(tool_steps, ROUNDING)
     softness = softness_of(god.hip, god.ihip, scene)
     turns, kinks = (np.pad(lengths(np.diff(steps, axis=0)), (0, 1), mode="edge") for steps in (hand, tool))
-    lag = softness * (6.0 / (omega * dt) * np.abs(tool_steps - along) + turns / (omega * dt) ** 2)
+    # On a mesh slip and softness are largest in different ticks.
+    slip = widened(np.abs(tool_steps - along), LATE_TICKS)
+    lag = widened(softness, LATE_TICKS) * (6.0 / (omega * dt) * slip + turns / (omega * dt) ** 2)
     # Let go at a corner it is away from the hand by all that the god-object then goes.
     touches = lengths(god.ihip - god.hip) > 0.0
     lag += np.where(touches[:-1] & ~touches[1:], tool_steps, 0.0)

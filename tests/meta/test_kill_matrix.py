@@ -43,7 +43,9 @@ GROUPS = (outsiders, felt, rubbing, struck_and_shaded, textured, field_bugs)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
-CASES = {name: each for group in GROUPS for name, each in group.CASES.items()}
+CASES = {name: group.CASES for group in GROUPS for name in (*group.BROKEN, *group.HONEST)}
+"""The cases of a renderer's own group: one name may be a case in several."""
+
 JUDGED = ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY)
 """Every renderer of this folder, in the order of the matrix."""
 
@@ -63,7 +65,7 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
     """Judge a renderer of this folder once, in all cases that are meant for it: finding by case and check."""
     if name in OUTSIDERS:
         make, suite = OUTSIDERS[name].make, "outsiders"
-        judged_in = [CASES[case] for case in OUTSIDERS[name].cases]
+        judged_in = [CASES[name][case] for case in OUTSIDERS[name].cases]
     else:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
