@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import signal
 import subprocess
@@ -170,7 +171,11 @@ def test_a_command_above_a_limit_is_refused_where_that_is_asked_for(here, capsys
 def test_a_program_that_is_asked_to_end_sends_zeros(here, number):
     with robot("behaves") as program:
         command = [sys.executable, "-m", "hapticeval", *arguments(program.port), "--seconds", "600"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as recording:
+        # What `nohup` has its programs ignore, those that they start ignore too.
+        heed = functools.partial(signal.signal, number, signal.SIG_DFL)
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed
+        ) as recording:
             deadline = time.monotonic() + 120.0
             while not ((here / "run.journal").exists() and (here / "run.journal").stat().st_size > 20_000):
                 assert recording.poll() is None

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
@@ -93,14 +94,14 @@ def bounds(god: Recording, scene: Scene, behind: float) -> tuple[Array, Array, A
     along = np.einsum("ij,ij->i", hand, tool) / np.maximum(tool_steps, ROUNDING)
     softness = softness_of(god.hip, god.ihip, scene)
     turns, kinks = (np.pad(lengths(np.diff(steps, axis=0)), (0, 1), mode="edge") for steps in (hand, tool))
-    # On a mesh slip and softness are largest in different ticks.
-    slip = widened(np.abs(tool_steps - along), LATE_TICKS)
-    lag = widened(softness, LATE_TICKS) * (6.0 / (omega * dt) * slip + turns / (omega * dt) ** 2)
+    lag = softness * (6.0 / (omega * dt) * np.abs(tool_steps - along) + turns / (omega * dt) ** 2)
     # Let go at a corner it is away from the hand by all that the god-object then goes.
     touches = lengths(god.ihip - god.hip) > 0.0
     lag += np.where(touches[:-1] & ~touches[1:], tool_steps, 0.0)
     # A change within a tick shows in two differences: half of it is above v / (e omega) dt.
-    apart = widened(np.r_[lag[:1], lag + kinks / (omega * dt)], LATE_TICKS)
+    # On a mesh a minimum ends at the edge of its face, and the light tool may have all the jump to the next to go.
+    still_to_go = kinks if isinstance(scene.model.boundary, Mesh) else kinks / (omega * dt)
+    apart = widened(np.r_[lag[:1], lag + still_to_go], LATE_TICKS)
     # It dies away at omega / 2, or where the tool is held less at less.
     dying = np.exp(-0.5 * omega * dt / softness)
     apart[0] = max(apart[0], behind)
