@@ -143,7 +143,10 @@ def compare(case_scene: Scene, path: Path, god_object: RendererFactory, ideal: R
         if not off.any():
             return Agreement([], partings)
         row = int(np.argmax(off))
-        near = slice(max(row + skipped - 2 * LATE_TICKS - 1, 0), row + skipped + LATE_TICKS + 1)
+        # A light tool may hang for long at a minimum that has ended: jumps since the two were last together count.
+        together = np.flatnonzero(places[:row] <= MOST_BEHIND)
+        since = min(int(together[-1]) if together.size else 0, row - 2 * LATE_TICKS - 1)
+        near = slice(max(since + skipped, 0), row + skipped + LATE_TICKS + 1)
         if not jumps[near].any():
             force = f"{forces[row]:.3g} N, of {weaker[skipped:][row]:.3g} N" if row < len(forces) else ""
             return Agreement(
