@@ -147,7 +147,8 @@ def compare(case_scene: Scene, path: Path, god_object: RendererFactory, ideal: R
         together = np.flatnonzero(places[:row] <= MOST_BEHIND)
         since = min(int(together[-1]) if together.size else 0, row - 2 * LATE_TICKS - 1)
         near = slice(max(since + skipped, 0), row + skipped + LATE_TICKS + 1)
-        if not jumps[near].any():
+        # The god-object has gone on, or the light tool stands where a minimum has ended.
+        if not (jumps[near].any() or steep[first + max(since, 0) : first + row + 1].any()):
             force = f"{forces[row]:.3g} N, of {weaker[skipped:][row]:.3g} N" if row < len(forces) else ""
             return Agreement(
                 [
