@@ -99,8 +99,9 @@ def bounds(god: Recording, scene: Scene, behind: float) -> tuple[Array, Array, A
     touches = lengths(god.ihip - god.hip) > 0.0
     lag += np.where(touches[:-1] & ~touches[1:], tool_steps, 0.0)
     # A change within a tick shows in two differences: half of it is above v / (e omega) dt.
-    # On a mesh a minimum ends at the edge of its face, and the light tool may have all the jump to the next to go.
-    still_to_go = kinks if isinstance(scene.model.boundary, Mesh) else kinks / (omega * dt)
+    # A minimum on a face ends at its edge, and the light tool may have all the jump to the next face to go.
+    has_edges = isinstance(scene.model.boundary, Mesh) or len(scene.model.boundary.corners) > 0
+    still_to_go = kinks if has_edges else kinks / (omega * dt)
     apart = widened(np.r_[lag[:1], lag + still_to_go], LATE_TICKS)
     # It dies away at omega / 2, or where the tool is held less at less.
     dying = np.exp(-0.5 * omega * dt / softness)
