@@ -57,17 +57,16 @@ def god_object(scene: Scene, representation: str, *, samples: float = SAMPLES_KN
 
 def homothetic(scene: Scene, representation: str, *, samples: float = SAMPLES_KNOB.values[-1]) -> Projection:  # noqa: ARG001
     """Return the homothetic projection by so many samples. Raises `RefusalError` as `samples_of` does."""
-    return _with_potential(scene, "homothetic", samples)
+    return _along_levels(scene, level_curves.homothetic(scene, "curve"), samples)
 
 
 def combescure(scene: Scene, representation: str, *, samples: float = SAMPLES_KNOB.values[-1]) -> Projection:  # noqa: ARG001
     """Return the Combescure projection by so many samples. Raises `RefusalError` as `samples_of` does."""
-    return _with_potential(scene, "combescure", samples)
+    return _along_levels(scene, level_curves.combescure(scene, "curve"), samples)
 
 
-def _with_potential(scene: Scene, name: str, samples: float) -> Projection:
-    """Return a projection with the potential that the exact one has: the centre of a kernel has one definition."""
-    exact = getattr(level_curves, name)(scene, "curve")
+def _along_levels(scene: Scene, exact: Projection, samples: float) -> Projection:
+    """Return a projection with the potential that the `exact` one has: the centre of a kernel has one definition."""
     return _projection(
         scene, to_level, samples, own=potential_record(exact.potential), potential=exact.potential,
         support_range=exact.support_range,
@@ -102,7 +101,7 @@ def samples_of(scene: Scene, count: int) -> Array:
 
 
 @compiled
-def _misses(row: Array, x: float, y: float) -> float:
+def _descent_at(row: Array, x: float, y: float) -> float:
     """Return (p - y)·y' at a sample: positive where the distance of (x, y) from the curve falls onwards."""
     sample = as_record(row, BOUNDARY_SAMPLE)
     ex, ey = x - sample.place[0], y - sample.place[1]
@@ -117,24 +116,40 @@ def _settle(data: LawData, k: int, x: float, y: float) -> tuple[float, float, fl
     or the other way where the hand is outside.
     """
     lookup = data.lookup
-    here, after = as_record(lookup[k], BOUNDARY_SAMPLE), as_record(lookup[(k + 1) % lookup.shape[0]], BOUNDARY_SAMPLE)
-    if here.piece != after.piece or after.u < here.u:
-        ex, ey = x - here.place[0], y - here.place[1]
-        nx, ny = _outward(here.tangent[0], here.tangent[1])
-        mx, my = _outward(after.tangent[0], after.tangent[1])
+    sample = as_record(lookup[k], BOUNDARY_SAMPLE)
+    next_sample = as_record(lookup[(k + 1) % lookup.shape[0]], BOUNDARY_SAMPLE)
+    if sample.piece != next_sample.piece or next_sample.u < sample.u:
+        # The end of a piece, or of the curve: at a corner every direction between the two normals is one.
+        ex, ey = x - sample.place[0], y - sample.place[1]
+        nx, ny = _outward(sample.tangent[0], sample.tangent[1])
+        mx, my = _outward(next_sample.tangent[0], next_sample.tangent[1])
         size = math.hypot(ex, ey)
         if size > 0.0 and abs(nx * my - ny * mx) > 1e-9:
             sign = 1.0 if ex * (nx + mx) + ey * (ny + my) > 0.0 else -1.0
             nx, ny = sign * ex / size, sign * ey / size
-        return here.place[0], here.place[1], nx, ny
-    low, high, row = here.u, after.u, data.pieces[int(here.piece)]
+        return sample.place[0], sample.place[1], nx, ny
+    return _bisect(data.pieces[int(sample.piece)], sample.u, next_sample.u, x, y, 0.0, 0.0)
+
+
+@compiled
+def _bisect(
+    piece: Array, low: float, high: float, x: float, y: float, ex: float, ey: float
+) -> tuple[float, float, float, float]:
+    """Return the point (m) of a piece between two parameters, and its normal.
+
+    It is where the distance of (x, y), m, stops falling; with a direction (ex, ey), where the ray along it is crossed.
+    """
     while True:
         u = low + 0.5 * (high - low)
-        px, py, dx, dy, _, _ = evaluate(row, u)
-        if not low < u < high:
+        px, py, dx, dy, _, _ = evaluate(piece, u)
+        if not low < u < high:  # no number lies between
             nx, ny = _outward(dx, dy)
             return px, py, nx, ny
-        if (x - px) * dx + (y - py) * dy > 0.0:
+        if ex == 0.0 and ey == 0.0:
+            onwards = (x - px) * dx + (y - py) * dy > 0.0
+        else:
+            onwards = not ex * (py - y) - ey * (px - x) > 0.0
+        if onwards:
             low = u
         else:
             high = u
@@ -150,13 +165,13 @@ def _outward(dx: float, dy: float) -> tuple[float, float]:
 @compiled
 def _nearest_rest(data: LawData, x: float, y: float) -> int:
     """Return the sample behind which the boundary is nearest to (x, y), m."""
-    count, best, least = data.lookup.shape[0], 0, math.inf
+    count, best, nearest_distance = data.lookup.shape[0], 0, math.inf
     for k in range(count):
-        if _misses(data.lookup[k], x, y) > 0.0 and not _misses(data.lookup[(k + 1) % count], x, y) > 0.0:
+        if _descent_at(data.lookup[k], x, y) > 0.0 and not _descent_at(data.lookup[(k + 1) % count], x, y) > 0.0:
             px, py, _, _ = _settle(data, k, x, y)
             distance = math.hypot(x - px, y - py)
-            if distance < least:
-                best, least = k, distance
+            if distance < nearest_distance:
+                best, nearest_distance = k, distance
     return best
 
 
@@ -165,9 +180,9 @@ def _rest_downhill(data: LawData, k: int, x: float, y: float) -> int:
     """Return the sample behind which the distance of (x, y), m, stops falling, from behind sample k on."""
     count = data.lookup.shape[0]
     for _ in range(count):
-        if not _misses(data.lookup[k], x, y) > 0.0:
+        if not _descent_at(data.lookup[k], x, y) > 0.0:
             k = (k - 1) % count
-        elif _misses(data.lookup[(k + 1) % count], x, y) > 0.0:
+        elif _descent_at(data.lookup[(k + 1) % count], x, y) > 0.0:
             k = (k + 1) % count
         else:
             break
@@ -249,22 +264,13 @@ def _cross_ray(data: LawData, cx: float, cy: float, ex: float, ey: float) -> tup
     """Return the point (m) at which the ray from (cx, cy) along (ex, ey) crosses the boundary, and the normal there."""
     lookup = data.lookup
     for k in range(lookup.shape[0] - 1):
-        here, after = as_record(lookup[k], BOUNDARY_SAMPLE), as_record(lookup[k + 1], BOUNDARY_SAMPLE)
-        x, y = here.place[0] - cx, here.place[1] - cy
-        is_ahead = ex * x + ey * y > 0.0 or ex * (after.place[0] - cx) + ey * (after.place[1] - cy) > 0.0
-        if here.piece != after.piece or not is_ahead:
-            continue
-        if ex * y - ey * x > 0.0 or not ex * (after.place[1] - cy) - ey * (after.place[0] - cx) > 0.0:
-            continue
-        low, high, row = here.u, after.u, data.pieces[int(here.piece)]
-        while True:
-            u = low + 0.5 * (high - low)
-            px, py, dx, dy, _, _ = evaluate(row, u)
-            if not low < u < high:
-                nx, ny = _outward(dx, dy)
-                return px, py, nx, ny
-            if ex * (py - cy) - ey * (px - cx) > 0.0:
-                high = u
-            else:
-                low = u
+        sample, next_sample = as_record(lookup[k], BOUNDARY_SAMPLE), as_record(lookup[k + 1], BOUNDARY_SAMPLE)
+        ax, ay = sample.place[0] - cx, sample.place[1] - cy
+        bx, by = next_sample.place[0] - cx, next_sample.place[1] - cy
+        is_ahead = ex * ax + ey * ay > 0.0 or ex * bx + ey * by > 0.0
+        # e x (y - c) grows along the boundary, and is zero on the ray.
+        crosses = not ex * ay - ey * ax > 0.0 and ex * by - ey * bx > 0.0
+        if sample.piece == next_sample.piece and is_ahead and crosses:
+            return _bisect(data.pieces[int(sample.piece)], sample.u, next_sample.u, cx, cy, ex, ey)
+    # A hand at the centre has no ray.
     return cx, cy, 0.0, 0.0

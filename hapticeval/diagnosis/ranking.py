@@ -162,12 +162,12 @@ def diagnose(
         causes += placement_causes(contact, force, boundary)
     if not causes:  # nothing touches, and nothing but noise is felt
         return Diagnosis(False)
-    found = _diagnose_force(deviation, causes, total, scale, floor, noise_power, encoder_power)
-    if found.off and found.cause is None and again is not None:
-        found = _random(force, again(), total, scale) or found
-    if tool is not None and found.off:
-        return replace(found, of="both")
-    return found
+    diagnosis = _diagnose_force(deviation, causes, total, scale, floor, noise_power, encoder_power)
+    if diagnosis.off and diagnosis.cause is None and again is not None:
+        diagnosis = _random(force, again(), total, scale) or diagnosis
+    if tool is not None and diagnosis.off:
+        return replace(diagnosis, of="both")
+    return diagnosis
 
 
 def _random(force: Array, other_force: Array, total: float, scale: float) -> Diagnosis | None:

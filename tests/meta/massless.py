@@ -9,6 +9,7 @@ is left between the two is bounded by what the hand does:
   as much is allowed. A hand that accelerates is ahead by a / omega^2.
 - flight: a tool whose velocity changes by v, where it is let go, is after it by v / (e omega) at the most; at a corner
   it is let go some way from the hand, and flies it.
+- jump: a minimum on a face ends at its edge, and the tool may have all the way to the next face to go.
 - force: the ideal contact's is the mean over a tick, with the damper's share in it; the god-object's is the spring's at
   the tick.
 

@@ -263,14 +263,14 @@ def _of_nearest(base: Observed, other: Observed, how: str) -> _Pairs:
 
 def _least_of_lags(base: Observed, pairs: _Pairs) -> TwoForces | None:
     """Return the two forces with the lag that makes least of them; None where with one of the lags there are none."""
-    least: TwoForces | None = None
+    smallest: TwoForces | None = None
     for lag in np.linspace(0.0, LAG_TICKS, pairs.lag_steps + 1).tolist():
         two = _worst_with_lag(base, pairs, lag)
         if two is None:
             return None
-        if least is None or two.excess < least.excess:
-            least = two
-    return least
+        if smallest is None or two.excess < smallest.excess:
+            smallest = two
+    return smallest
 
 
 def _worst_with_lag(base: Observed, pairs: _Pairs, lag: float) -> TwoForces | None:
@@ -320,8 +320,8 @@ def _stiffest(run: Observed) -> float:
     """Return the largest stiffness that a run shows in contact, as a share of the scene's, within what is declared."""
     depth = lengths_of(run.hip - run.ihip)
     deep = run.pressed & (depth > run.force_depth)
-    shown = float((run.force_size[deep] / (run.scene.stiffness * depth[deep])).max(initial=1.0))
-    return min(shown, (run.stiffness_range or (1.0, 1.0))[1])
+    largest_share = float((run.force_size[deep] / (run.scene.stiffness * depth[deep])).max(initial=1.0))
+    return min(largest_share, (run.stiffness_range or (1.0, 1.0))[1])
 
 
 NO_FORCE = "no force above the floor: the tool never presses on the surface"
