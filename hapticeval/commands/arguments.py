@@ -175,12 +175,13 @@ def load_within(
     trial: str | None = None,
     salvaging: bool = False,
 ) -> Recording:
-    """Read a recording or a foreign file by the options above; see `hardware.wiring.load` and `recordings.memory`."""
-    from hapticeval.hardware.wiring import load
+    """Read a recording or a foreign file by the options above; see `load`, `at_the_hand` and `recordings.memory`."""
+    from hapticeval.hardware.wiring import at_the_hand
+    from hapticeval.recordings.importing.convert import load
     from hapticeval.recordings.memory import limited
 
     with limited(memory_limit):
-        return load(file, mapping=mapping, format=format_, trial=trial, salvaging=salvaging)
+        return at_the_hand(load(file, mapping=mapping, format=format_, trial=trial, salvaging=salvaging))
 
 
 def model_named(text: str) -> Model:

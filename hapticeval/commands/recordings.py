@@ -87,9 +87,9 @@ def inspect(
       hapticeval inspect log.mat --mapping rig.toml
       hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
     """
-    from hapticeval.hardware.wiring import load
+    from hapticeval.hardware.wiring import at_the_hand
     from hapticeval.recordings.formats import read_table
-    from hapticeval.recordings.importing.convert import is_ours
+    from hapticeval.recordings.importing.convert import is_ours, load
     from hapticeval.recordings.memory import limited
 
     if stiffness is not None and not 0.0 < stiffness < math.inf:
@@ -99,9 +99,11 @@ def inspect(
         # A foreign file can only be shown: which column is what is not known.
         if mapping is None and not is_ours(file):
             raise typer.Exit(_show_foreign_file(read_table(file, format=format_), file, trial, write_mapping))
-        recording = load(file, mapping=mapping, format=format_, trial=trial, salvaging=True)
+        recording = at_the_hand(load(file, mapping=mapping, format=format_, trial=trial, salvaging=True))
         # One mapping serves for all foreign files of a rig.
-        others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
+        others = {
+            other.name: at_the_hand(load(other, mapping=None if is_ours(other) else mapping)) for other in against or []
+        }
     raise typer.Exit(_examine_recording(recording, file, model, stiffness, others, directory))
 
 

@@ -21,7 +21,6 @@ from hapticeval.documents import read_toml
 from hapticeval.effects.sensors import low_pass_share
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.recordings.channels import CHANNELS
-from hapticeval.recordings.importing import convert
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -255,18 +254,6 @@ class Kinematics:
 
 
 OUTSIDE_WORKSPACE = "outside of the robot's workspace"
-
-
-def load(
-    path: Path | str,
-    *,
-    mapping: Path | str | None = None,
-    format: str | None = None,
-    trial: str | None = None,
-    salvaging: bool = False,
-) -> Recording:
-    """Return what `convert.load` gives, with what follows from a robot's encoders and motors: see `at_the_hand`."""
-    return at_the_hand(convert.load(path, mapping=mapping, format=format, trial=trial, salvaging=salvaging))
 
 
 def at_the_hand(recording: Recording) -> Recording:

@@ -8,7 +8,8 @@ from robots import recorded, twin_of, wired
 
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware.wiring import OUTSIDE_WORKSPACE, at_the_hand, load
+from hapticeval.hardware.wiring import OUTSIDE_WORKSPACE, at_the_hand
+from hapticeval.recordings.importing.convert import load
 from hapticeval.recordings.recording import Recording
 
 CYCLES = 400
@@ -50,7 +51,7 @@ def logged(folder, run, wiring, *, angles=False, gap=False):
 def test_a_log_is_the_run_that_it_was_taken_from(tmp_path, wiring, angles):
     _, run = recorded(tmp_path, twin_of(wiring), wiring, cycles=CYCLES)
     log, mapping = logged(tmp_path, run, wiring, angles=angles)
-    made = load(log, mapping=mapping)
+    made = at_the_hand(load(log, mapping=mapping))
     assert np.any(run.force != 0.0)
     # Degrees with 17 digits are angles to rounding; counts are exact. A difference over a tick of 1 ms makes 1e3 of it.
     np.testing.assert_allclose(made.hip, run.hip, rtol=0.0, atol=1e-14)
@@ -80,7 +81,7 @@ def test_rows_without_a_number_are_left_out_and_bridged(tmp_path):
     wiring = wired()
     _, run = recorded(tmp_path, twin_of(wiring), wiring, cycles=CYCLES)
     log, mapping = logged(tmp_path, run, wiring, gap=True)
-    made = load(log, mapping=mapping)
+    made = at_the_hand(load(log, mapping=mapping))
     assert np.flatnonzero(~made.valid).tolist() == [100]
     keep = made.valid
     np.testing.assert_allclose(made.hip[keep], run.hip[keep], rtol=0.0, atol=1e-14)
@@ -120,4 +121,4 @@ def test_a_device_that_does_not_fit_says_so(refused, tmp_path, change):
     assert change[0] in text
     mapping.write_text(text.replace(*change))
     with refused(HapticevalError):
-        load(log, mapping=mapping)
+        at_the_hand(load(log, mapping=mapping))
