@@ -243,6 +243,18 @@ def test_a_push_ends_before_stability_is_judged_and_leaves_the_rest_undecided():
     }
 
 
+@pytest.mark.parametrize("off", [0.5e-3, 2e-3])
+def test_the_constraint_distance_counts_from_the_start_or_from_the_last_push_on(off):
+    released = runs("pp-pd", LINE, (0.0, -off), (10.0, 0.0), 1.0)
+    finding = found("constraint-distance", released, LINE)
+    assert (finding.outcome, finding.metric.value) == (PASS if off < 1e-3 else FAIL, pytest.approx(off, rel=1e-12))
+    assert finding.evidence["slid_m"] == pytest.approx(10.0, rel=1e-3)
+    pushed = runs("pp-pd", LINE, (0.0, -off), (10.0, 0.0), 1.0, push=(0.0, 1.0))
+    after = int(np.flatnonzero(pushed.base.channels["operator_force"].any(axis=1))[-1]) + 1
+    largest = np.abs(pushed.base.hip[after:, 1]).max()
+    assert found("constraint-distance", pushed, LINE).metric.value == pytest.approx(largest, rel=1e-12)
+
+
 DYNAMIC = ("constraint-stability", "output-invariance", "decoupling", "tangential-dynamics", "closed-form")
 
 

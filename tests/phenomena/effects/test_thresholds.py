@@ -131,6 +131,15 @@ def test_a_contact_is_answered_a_tick_late_at_the_latest(late, expected):
     assert struck(late)("transient-onset").outcome is expected
 
 
+@pytest.mark.parametrize(("lasts", "expected"), [(1, UNDECIDED), (2, FAIL)])
+def test_a_contact_that_ends_before_its_answer_is_late_decides_nothing(lasts, expected):
+    run, plain = strike(5)
+    rows = slice(int(np.argmax(run.hip[:, 1] < 0.0)) + lasts)
+    cut, without = changed(run, rows=rows), changed(plain, rows=rows)
+    scene = Scene(model=LINE, effects=(ContactImpulse(),))
+    assert outcome("transient-onset", Runs(cut, without=lambda kind: without), scene) is expected
+
+
 @pytest.mark.parametrize(
     ("factor", "expected"), [(1 + 5e-10, PASS), (1 - 5e-10, PASS), (1 + 5e-9, FAIL), (1 - 5e-9, FAIL)]
 )
