@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 
 import numba
@@ -61,6 +62,15 @@ def compiled_on_demand(function: Callable[P, R]) -> Callable[P, R]:
     `compiled` decorates a function where it is defined. Here every caller gets the same kernel.
     """
     return compiled(function)
+
+
+def as_python(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a plain function that calls the kernels of its module in Python too: for what no kernel takes.
+
+    A kernel is given arrays and compiled functions. An answer of Python's, such as a boundary's of one's own, is none.
+    """
+    names = {name: getattr(value, "py_func", value) for name, value in function.__globals__.items()}
+    return FunctionType(function.__code__, names, function.__name__)
 
 
 def borrowing(function: Callable[P, R]) -> Callable[P, R]:

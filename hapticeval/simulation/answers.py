@@ -214,7 +214,7 @@ class Affected:
 
 def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
     """Return the closest point and the changes as kernels take them; in Python where the boundary is in Python."""
-    from hapticeval.compiled import compiled_on_demand, first_class
+    from hapticeval.compiled import as_python, compiled_on_demand, first_class
     from hapticeval.geometry.boundary import closest_in_python, closest_of
     from hapticeval.laws import CHANGE, CLOSEST, Change, ChangeData, Closest, law_data
 
@@ -224,7 +224,9 @@ def _compile_changes(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest
         assert part.function is not None
         data = ChangeData(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
         function: Any = (
-            part.function if compiled_closest is None else first_class(compiled_on_demand(part.function), CHANGE)
+            as_python(part.function)
+            if compiled_closest is None
+            else first_class(compiled_on_demand(part.function), CHANGE)
         )
         changes.append(Change(function, data))
     if compiled_closest is None:

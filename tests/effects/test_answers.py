@@ -15,8 +15,10 @@ from hapticeval.discovery import resolve
 from hapticeval.effects import catalogue
 from hapticeval.effects.catalogue import EFFECTS
 from hapticeval.effects.friction import Friction
+from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.reliefs import BumpMap
-from hapticeval.effects.transients import ContactTransient
+from hapticeval.effects.stochastic_texture import StochasticTexture
+from hapticeval.effects.transients import ContactImpulse, ContactTransient, RecordedImpulse
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
@@ -136,15 +138,29 @@ class Interpreted:
         return getattr(self._boundary, name)
 
 
-def test_a_boundary_in_python_gives_the_same_to_rounding():
-    scene = scene_of("circle", Suction(0.2))
+OF_ANY_BOUNDARY = [
+    Suction(0.2),
+    Friction(0.5, 0.3),
+    ViscousFriction(0.5),
+    LuGre(mu_s=0.5, mu_k=0.3, stribeck=0.01, stiffness=1e4, damping=10.0, viscosity=0.1),
+    StochasticTexture(mass=0.05, texture="ribbed"),
+    ContactImpulse(),
+    ContactTransient(material="wood"),
+    RecordedImpulse(pulse=(1.0, 0.5), step=0.7e-3),
+]
+"""Effects of the answer that ask the boundary for no arc length."""
+
+
+@pytest.mark.parametrize("effect", OF_ANY_BOUNDARY, ids=lambda effect: effect.kind)
+def test_a_boundary_in_python_gives_the_same_to_rounding(effect):
+    scene = scene_of("circle", effect)
     hips = path_into_model(2)
-    answers = Python(resolve("minimum-distance")(scene))
+    hips[:, 1] += np.linspace(0.0, 0.02, len(hips))  # along the surface too
+    answers = Python(resolve("minimum-distance")(scene.without(effect.kind)))
     bare = replace(scene.model, boundary=Interpreted(scene.model.boundary))
     renderer = make_renderer(lambda _: answers, replace(scene, model=bare))
-    np.testing.assert_allclose(
-        led(renderer, hips, 1e-3), led(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3), rtol=1e-14
-    )
+    expected = led(make_renderer(resolve("minimum-distance"), scene), hips, 1e-3)
+    np.testing.assert_allclose(led(renderer, hips, 1e-3), expected, rtol=1e-12, atol=1e-15)
 
 
 def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused(refused):
