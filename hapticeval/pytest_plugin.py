@@ -156,17 +156,17 @@ class Verdicts(pytest.Collector):
         except HapticevalError as error:
             raise self.CollectError(str(error)) from error
         # Those of a case follow one another, by renderer: it is judged once.
-        asked = {
+        question_of = {
             f"{ITEM_ROOT}::{question.place.replace('/', '::')}[{renderer}]": (renderer, question)
             for _, of_case in groupby(questions, key=lambda question: (question.suite.name, question.case.name))
             for renderer, question in product(options("hapticeval"), list(of_case))
         }
         for chosen_id in chosen_ids:
-            if not any(_within(node_id, chosen_id) for node_id in asked):
+            if not any(_within(node_id, chosen_id) for node_id in question_of):
                 raise self.CollectError(
                     f"no verdict has the id {chosen_id}: `pytest --hapticeval ... --collect-only` has all"
                 )
-        for node_id, (renderer, question) in asked.items():
+        for node_id, (renderer, question) in question_of.items():
             if not chosen_ids or any(_within(node_id, chosen_id) for chosen_id in chosen_ids):
                 name = node_id.removeprefix(f"{ITEM_ROOT}::")
                 yield VerdictItem.from_parent(self, name=name, nodeid=node_id, renderer=renderer, question=question)

@@ -260,7 +260,7 @@ class WrappedRenderer:
         self.renderer.reset(hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """Return whatever the renderer answers to a tick: see `Renderer`."""
+        """Return the answer to a tick of `dt` (s) at `hip` (N,), m, moving by `velocity` (N,), m/s: see `Renderer`."""
         return self.renderer.step(hip, velocity, dt)  # type: ignore[no-any-return]
 
     def simulate(self, stimulus: Stimulus, dt: float) -> Recording:

@@ -269,8 +269,8 @@ class SetStabilisation:
         if scene.model.dimension == 3:
             from hapticeval.renderers.stabilisation import SurfaceStabilisation
 
-            made = SurfaceStabilisation(scene, atlas=self.representation == ATLAS, predicted=self.predicted)
-            return at_rest(made, scene)
+            controller = SurfaceStabilisation(scene, atlas=self.representation == ATLAS, predicted=self.predicted)
+            return at_rest(controller, scene)
         if self.representation == ATLAS:
             raise RefusalError(
                 f"model '{scene.model.name}' has no atlas",

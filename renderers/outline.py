@@ -113,6 +113,8 @@ VALLEY_RING = 4.0
 def cut_at_valleys(pieces: Array) -> Array:
     """Return `pieces` (n, 9) with the sides of narrow valleys cut into pieces, each with derivatives of one size.
 
+    Rows are `PIECE` records, lengths in m.
+
     The third derivative of a Cassinian is largest where cos(n_l u) = 0, by (a_n / a_d - 1)^(-3/2) as that falls to 1,
     and falls off within sqrt(a_n / a_d - 1) of n_l u. With one bound for the whole curve a march creeps everywhere.
     """

@@ -254,7 +254,7 @@ def predict(data: LawData, hip: Array, velocity: Array, push: Array, dt: float, 
 def on_curve_predicted(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """One tick of `on_curve` at the predicted place, whose foot is the IHIP."""
+    """One tick of `on_curve`, `hip` (2,), m, and `velocity` (2,), m/s, at the predicted place: its foot is the IHIP."""
     place, motion = np.empty_like(hip), np.empty_like(hip)
     predict(data, hip, velocity, push, dt, place, motion)
     number = on_curve(data, place, motion, push, dt, ihip, force)
@@ -268,7 +268,7 @@ def on_curve_predicted(
 def on_surface_predicted(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
 ) -> int:
-    """One tick of `on_surface` at the predicted place, whose foot is the IHIP."""
+    """One tick of `on_surface`, `hip` (3,), m, `velocity` (3,), m/s, at the predicted place: its foot is the IHIP."""
     place, motion = np.empty_like(hip), np.empty_like(hip)
     predict(data, hip, velocity, push, dt, place, motion)
     number = on_surface(data, place, motion, push, dt, ihip, force)

@@ -78,6 +78,7 @@ def atlas_charts(recording: Recording, model: Model) -> list[Chart]:
     across = Axis(label="time (s)", tight=True)
 
     def curve(values: Array, role: str, label: str, **style: Any) -> Curve:
+        """Return `values` (n,), mm or mm/s, over time as a curve."""
         return Curve(x=time, y=values, role=role, label=label, **style)
 
     distance = Chart(

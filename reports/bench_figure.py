@@ -44,8 +44,10 @@ def cheapest_by_renderer(
     for setting, (time, _) in plotted_settings(settings):
         assert setting.claims is not None
         error = MM * setting.claims["ihip"]["max"]
-        beyond = error > TARGET_ERROR
-        ranked.setdefault(group(setting.renderer), []).append((beyond, error if beyond else time, error, setting))
+        too_coarse = error > TARGET_ERROR
+        ranked.setdefault(group(setting.renderer), []).append(
+            (too_coarse, error if too_coarse else time, error, setting)
+        )
     best = {name: min(entries, key=lambda entry: entry[:3]) for name, entries in ranked.items()}
     return {name: entry[3] for name, entry in sorted(best.items(), key=lambda pair: pair[1][:3])}
 

@@ -115,9 +115,9 @@ def effects_card(cases: Mapping[str, Sequence[tuple[str, str]]], bench: BenchRes
     if not called:
         return None
     rows = {kind: len(cases[kind]) for kind in ("none", *called[: MOST_KINDS - 1])}
-    rest, count = len(called) - len(rows) + 1, len({case for keys in cases.values() for case in keys})
+    left_out, count = len(called) - len(rows) + 1, len({case for keys in cases.values() for case in keys})
     sentence = f"{rows['none']} of {plural(count, 'case')} call for no effect{_uncalled_words(bench)}"
-    sentence += f" {rest} more kinds are called for." if rest else ""
+    sentence += f" {left_out} more kinds are called for." if left_out else ""
     bars = [
         Curve(x=[0.8, number], y=[row, row], role="hip" if row else "quiet", width=9.0)
         for row, number in enumerate(rows.values())

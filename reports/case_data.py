@@ -312,7 +312,7 @@ def _power_range(tracks: Sequence[Track]) -> tuple[float, float]:
 
 
 def floats(values: Array, *, double: bool = False) -> str:
-    """Return numbers, row by row, as base64 of little-endian floats of 32 bits, or of 64 where `double`."""
+    """Return `values` (n,) or (n, k), in s, m or N, row by row as base64 of little-endian floats of 32 or 64 bits."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8" if double else "<f4").tobytes()).decode("ascii")
 
 

@@ -211,7 +211,7 @@ def headline(results: ResultsDocument) -> str:
     broken = results.breakdowns
     # Incomplete runs have been dealt with: what is counted here did run.
     unexpected = len(results.stopping_by_itself)
-    lost = len(results.stopping) - unexpected
+    lost_verdicts = len(results.stopping) - unexpected
     standings = Counter(verdict.standing for verdict in results.verdicts)
     are = "is" if unexpected == 1 else "are"
     parts = []
@@ -220,7 +220,8 @@ def headline(results: ResultsDocument) -> str:
     if broken:
         names = name_first(list(dict.fromkeys(breakdown.runs[0].renderer for breakdown in broken)), 2, " and ")
         runs = plural(sum(len(breakdown.runs) for breakdown in broken), "run")
-        parts.append(f"{names} broke in {runs}" + (f", which lost {plural(lost, 'verdict')}" if lost else ""))
+        lost = f", which lost {plural(lost_verdicts, 'verdict')}" if lost_verdicts else ""
+        parts.append(f"{names} broke in {runs}{lost}")
     if not results.verdicts and not parts:
         return "No verdict was given"
     parts = parts or ["Every verdict is as expected"]
@@ -312,11 +313,11 @@ def digit_families(results: ResultsDocument) -> list[DigitFamily]:
             ]
             if counted:
                 worst, coarsest = _fewest(counted)
-                least = None if coarsest is None else math.floor(max(0.0, _digits_of(coarsest)))
+                fewest_digits = None if coarsest is None else math.floor(max(0.0, _digits_of(coarsest)))
                 families.append(
                     DigitFamily(
                         title.removeprefix("Keeps its digits "), titles[worst.key[:2]],
-                        math.floor(max(0.0, _digits_of(worst))), least,
+                        math.floor(max(0.0, _digits_of(worst))), fewest_digits,
                     )
                 )  # fmt: skip
     return sorted(families, key=lambda family: family.digits)

@@ -23,6 +23,7 @@ def overlay_charts(laid: Overlay, titles: Sequence[str]) -> list[Chart]:
     along = scale * laid.along
 
     def both(first: Array, second: Array, label: str, over: Sequence[Array] = (along, along), axis: Axis = x) -> Chart:
+        """Draw two channels (n,) each, mm or N, in one chart."""
         curves = [
             Curve(x=place, y=values, role=role, dash=dash, label=title)
             for place, values, title, (role, dash) in zip(over, (first, second), titles, STYLES, strict=True)

@@ -417,8 +417,8 @@ def compare(
     recordings = _load_all(files, memory_limit, mapping, None)
     laid = overlay(recordings[0], recordings[1], curve=_shared_curve(recordings, model) if over == "way" else None)
     titles = _titles(files)
-    shown = "hip" in laid.gaps
-    judged = _viewed_runs(files, recordings, model=model, scene=scene) if shown else []
+    draws_hip = "hip" in laid.gaps
+    judged = _viewed_runs(files, recordings, model=model, scene=scene) if draws_hip else []
     verdicts = [{verdict.check: verdict for verdict in run.verdicts} for run in judged]
     rows = [
         [check, *(_verdict_words(of_run.get(check)) for of_run in verdicts)]

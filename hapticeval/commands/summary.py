@@ -178,9 +178,9 @@ def _aligned_cells(table: Table, width: int) -> str:
     if width and max(map(len, aligned_lines)) > width:
         lists = []
         for (title, *row), (_, *row_colours) in zip(table.texts, colours, strict=True):
-            shown = [entry for entry in zip(table.header[1:], row, row_colours, strict=True) if entry[1]]
-            named = align_columns([[f"  {name}", text] for name, text, _ in shown])
-            lists += [title, *(paint(line, colour) for line, (*_, colour) in zip(named, shown, strict=True))]
+            decided = [entry for entry in zip(table.header[1:], row, row_colours, strict=True) if entry[1]]
+            named = align_columns([[f"  {name}", text] for name, text, _ in decided])
+            lists += [title, *(paint(line, colour) for line, (*_, colour) in zip(named, decided, strict=True))]
         return lines(lists)
     # Widths by text: colour codes take no room on the terminal, but count as characters.
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]

@@ -141,11 +141,11 @@ class Terminal:
         if not event.printed or not (self._verbose or (in_trouble and event.run.renderer not in self._shown)):
             return
         self._shown.add(event.run.renderer)
-        shown = event.printed.splitlines()
+        lines = event.printed.splitlines()
         self.line(f"{event.run.renderer} printed on {event.run.suite}/{event.run.case}:")
-        if not self._verbose and len(shown) > PRINTED_LINES:
-            shown = [f"({plural(len(shown) - PRINTED_LINES, 'line')} before these: -v)", *shown[-PRINTED_LINES:]]
-        for line in shown:
+        if not self._verbose and len(lines) > PRINTED_LINES:
+            lines = [f"({plural(len(lines) - PRINTED_LINES, 'line')} before these: -v)", *lines[-PRINTED_LINES:]]
+        for line in lines:
             self.line(f"| {line}")
 
     def _breaks_anew(self, event: JobFinished) -> bool:

@@ -353,10 +353,11 @@ def matrices(deviation: Deviation) -> Iterator[Cause]:
     common, own, total = force.T @ right_force, right_force.T @ right_force, power(force)
 
     def left_by(matrix: Array) -> float:
-        """Return what a matrix leaves, to about 1e-16 of the whole power."""
+        """Return what a matrix (N, N) leaves, N^2, to about 1e-16 of the whole power."""
         return max(total - 2.0 * float(np.sum(matrix * common)) + float(np.sum((matrix @ own) * matrix)), 0.0)
 
     def exactly(matrix: Array) -> float:
+        """Return what a matrix (N, N) leaves, N^2, row by row."""
         return power(force - right_force @ matrix.T)
 
     best = min((matrix for matrix in signed_axes(dimension) if abs(np.trace(matrix)) < dimension - 0.5), key=left_by)
@@ -404,6 +405,7 @@ def limits(deviation: Deviation) -> Iterator[Cause]:
         return
 
     def left_by(model: Array) -> float:
+        """Return what forces (n, N), N, of a model leave, N^2."""
         return power(force - model)
 
     level = fit_level(dot_rows(force, unit_rows(right_force)), size)

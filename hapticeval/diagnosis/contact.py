@@ -41,7 +41,7 @@ def dot_rows(a: Array, b: Array) -> Array:
 
 
 def stretches_of(mask: BoolArray) -> Iterator[tuple[int, int]]:
-    """Yield where stretches of true values (n,) begin, and where they end."""
+    """Yield the row at which each stretch of true values of a `mask` (n,) begins, and the one after its end."""
     begins, ends = (np.flatnonzero(np.diff(np.pad(mask.astype(int), 1)) == change) for change in (1, -1))
     yield from zip(begins.tolist(), ends.tolist(), strict=True)
 
@@ -107,9 +107,9 @@ class RightContact:
         force_steps = np.linalg.norm(np.diff(self.force, axis=0, prepend=self.force[:1]), axis=1)
         smallest = steps[steps > STILL].min(initial=float(steps.max()))
         leaps = force_steps > LEAP * self.stiffness * (steps + smallest)
-        beside = np.convolve(leaps, np.ones(2 * LEAP_TICKS + 1), mode="same") > 0.0
+        near_leap = np.convolve(leaps, np.ones(2 * LEAP_TICKS + 1), mode="same") > 0.0
         # A path that leaps all the time tells what it does.
-        return np.asarray(~beside if np.mean(beside) < MOST_LEAPING else np.ones(len(steps), dtype=bool))
+        return np.asarray(~near_leap if np.mean(near_leap) < MOST_LEAPING else np.ones(len(steps), dtype=bool))
 
     @cached_property
     def cornered(self) -> BoolArray:

@@ -265,6 +265,7 @@ def fit_interval(values: Array, common: Array, own: Array) -> Interval | None:
         return None
 
     def saved(low: IntArray | int, high: IntArray | int) -> Array:
+        """Return the squares (k,), N^2, that a gain of its own from edge `low` (k,) to edge `high` (k,) explains."""
         inner, inner_own = common_sum[high] - common_sum[low], own_sum[high] - own_sum[low]
         outer, outer_own = common_sum[-1] - inner, own_sum[-1] - inner_own
         return np.asarray(
@@ -312,7 +313,10 @@ def white_noise(channel: Array) -> Array:
 
 
 def rounding_variance(channel: Array) -> float:
-    """Return the variance that a step of rounding q brings, q^2 / 12 a column, where a fifth of the steps repeat."""
+    """Return the variance that a step of rounding q brings, q^2 / 12 a column, where a fifth of the steps repeat.
+
+    The `channel` is (n, N), m or N; the variance is in its unit squared, m^2 or N^2.
+    """
     steps = np.abs(np.diff(channel, axis=0))
     quanta = [
         column[column > 1e-15].min() for column in steps.T if np.mean(column == 0.0) > 0.2 and (column > 1e-15).any()

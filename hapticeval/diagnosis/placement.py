@@ -48,10 +48,12 @@ def placement_causes(contact: RightContact, force: Array, boundary: Boundary) ->
     all_rows = len(force) / len(rows)
 
     def residual(moved: Array) -> Array:
+        """Return the forces (n, N), N, that a hand at `moved` (n, N), m, leaves."""
         at = right_contact(boundary, contact.time[rows], moved, np.zeros_like(moved), stiffness=contact.stiffness)
         return np.asarray(felt - at.force)
 
     def cause(kind: str, words: str, moved: Array, cost: float, **numbers: object) -> Cause:
+        """Return the cause that puts the hand at `moved` (n, N), m, with what it leaves of all rows, N^2."""
         return Cause(kind, words, all_rows * power(residual(moved)), cost, numbers)
 
     for name, factor in POSITION_UNITS.items():
@@ -67,9 +69,10 @@ def placement_causes(contact: RightContact, force: Array, boundary: Boundary) ->
         )
 
     def fitted(moved_by: Callable[[Array], Array], starts: list[Array]) -> Array:
-        """Return the numbers with which `moved_by` leaves least, from the best of several starts."""
+        """Return the numbers (k,), mm, % or degrees, with which `moved_by` leaves least, from the best of `starts`."""
 
         def left(numbers: Array) -> Array:
+            """Return what numbers (k,) leave, (n N,), N."""
             return residual(moved_by(numbers)).ravel()
 
         fits = [least_squares(left, start, max_nfev=MOST_FIT_TRIALS) for start in starts]
@@ -87,6 +90,7 @@ def placement_causes(contact: RightContact, force: Array, boundary: Boundary) ->
     axes = [np.eye(3)[axis] for axis in ((2,) if dimension == 2 else range(3))]
 
     def turned(degrees: Array) -> Array:
+        """Return the hand (n, N), m, turned by a rotation vector (3,) in degrees, or by one angle (1,) in the plane."""
         full = degrees if dimension == 3 else np.array([0.0, 0.0, degrees[0]])
         return np.asarray(hip @ Rotation.from_rotvec(full, degrees=True).as_matrix()[:dimension, :dimension].T)
 

@@ -80,7 +80,7 @@ def turn_about(axis: Array, angle: ArrayLike) -> Array:
 
 
 def check_pose(rotation: ArrayLike, translation: ArrayLike, dimension: int) -> Pose:
-    """Return one pose as arrays.
+    """Return the pose of a rotation (N, N) and a translation (N,), m, as arrays.
 
     Raises `InputError` for another dimension, numbers that are not finite, and a matrix that is not a rotation.
     """

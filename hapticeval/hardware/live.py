@@ -207,7 +207,7 @@ class _Loop:
         ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt, may_refuse=self.tick == 0)
 
         def torque_of(force: Array) -> Array:
-            """Return tau = J^T F of (2.8), with what the inner loop adds."""
+            """Return tau = J^T F (N,), N m, of (2.8), of a force (N,), N, with what the inner loop adds."""
             return scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
 
         sent = self.limiter.limit(force, torque_of, resumed=self.tick == 0 or late > RESUMED_AFTER)

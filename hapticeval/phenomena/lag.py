@@ -232,8 +232,8 @@ def lags_of_kinds(misfit: Callable[[float, float], float], exact: float) -> tupl
 def likely_force_lags(recording: Recording, pressed: BoolArray) -> list[tuple[float, float]]:
     """Return the lags (ticks) behind HIP and IHIP that explain half of what is off a spring, of each of `KINDS_OF_LAG`.
 
-    For a law that is not a spring in every tick: whether it keeps one of these lags has to be asked then. Half is
-    `LIKELY_SHARE`.
+    The rows with a force (N) are `pressed` (n,). For a law that is not a spring in every tick: whether it keeps one of
+    these lags has to be asked then. Half is `LIKELY_SHARE`.
     """
     rows = _rows_with_force(pressed)
     if rows.size == 0:
@@ -279,8 +279,8 @@ def _unit(column: Array) -> Array:
 def force_only_lag(recording: Recording, pressed: BoolArray) -> int:
     """Return how many whole ticks late a force is at the most that comes with IHIPs of `Observed.with_nearest_points`.
 
-    That of the spring from there, linear or a root, that fits it best; between two ticks the later one, for a field
-    need not be such a spring.
+    That of the spring from there, linear or a root, that fits best where the force (N) is `pressed` (n,); between two
+    ticks the later one, for a field need not be such a spring.
     """
     rows = _rows_with_force(pressed)
     if rows.size == 0:

@@ -507,6 +507,7 @@ class Observed:
         led = self.nearest.foot if self.scene.bilateral else None
 
         def compared_with(points: Array | None, **options: Any) -> Diagnosis:
+            """Compare the run with a right contact, its tool at `points` (n, N), m; None puts it where it is due."""
             contact = right_contact(
                 self.boundary,
                 self.time,

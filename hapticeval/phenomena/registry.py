@@ -148,5 +148,5 @@ def has_word(text: str, word: str) -> bool:
 
 def unknown_check(name: str) -> UnknownNameError:
     """Return the error for a name of no check; a word of the field tells what is meant better than any spelling."""
-    meant = " or ".join(checks_called(name))
-    return UnknownNameError("check", name, CHECKS, todo=meant and f"did you mean {meant}?")
+    likely_names = " or ".join(checks_called(name))
+    return UnknownNameError("check", name, CHECKS, todo=likely_names and f"did you mean {likely_names}?")

@@ -170,7 +170,10 @@ class Port:
 
 
 def find_rests(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
-    """Return a row of each rest, and the share of the largest speed that a rest may have."""
+    """Return a row of each rest, and the share of the largest speed that a rest may have.
+
+    The hand is at `place` (n, N), m, at `time` (n,), s, known to a `step` (m).
+    """
     # Rows on either side over which a speed is taken.
     half = max(1, round(0.5 * REST_WINDOW / float(np.median(np.diff(time)))))
     middle = np.arange(half, len(time) - half)

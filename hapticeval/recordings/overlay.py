@@ -77,7 +77,7 @@ class _Track:
     longest: float
 
     def covers(self, places: Array) -> BoolArray:
-        """Say at which places (n,) there is a row, or one closely before and after."""
+        """Say at which places (n,), s or m, there is a row, or one closely before and after: (n,)."""
         after = np.clip(np.searchsorted(self.along, places), 0, len(self.along) - 1)
         before = np.clip(after - 1, 0, None)
         within = (places > self.along[before]) & (places < self.along[after])
@@ -90,7 +90,7 @@ class _Track:
         return np.stack([np.interp(places, self.along, column) for column in values.T], axis=1)
 
     def touches_at(self, places: Array) -> BoolArray:
-        """Return the contact (n,) of the row before each place."""
+        """Return the contact (n,) of the row before each of `places` (n,), s or m."""
         before = np.clip(np.searchsorted(self.along, places, side="right") - 1, 0, None)
         return np.asarray(self.recording.contact[self.rows][before])
 

@@ -64,7 +64,8 @@ def numeric_step(values: Array) -> float | None:
 def common_divisor(steps: Array, floor: float) -> float:
     """Return the largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
 
-    From the smallest up: a remainder has the rounding of its divisor as many times as that was taken off.
+    The `steps` are (n,), in m or N as the `floor` is. From the smallest up: a remainder has the rounding of its divisor
+    as many times as that was taken off.
     """
     steps = np.sort(steps)
     common = float(steps[0])
@@ -114,7 +115,7 @@ def rounded_as(values: Array, source: Array) -> Array:
 
 
 def are_singles(values: Array) -> bool:
-    """Return whether all of `values`, of any shape and unit, are finite numbers of single precision."""
+    """Return whether all of `values` (n,) or (n, N), in m, N or another unit, are finite single precision numbers."""
     with np.errstate(over="ignore"):  # what is too large for one is none
         return np.array_equal(values.astype(np.float32), values)
 
@@ -129,7 +130,7 @@ def single_precision_step(values: Array) -> float:
 
 
 def decimal_step(values: Array) -> float:
-    """Return the unit in the last place of the largest number, where all have so few digits; otherwise 0."""
+    """Return the last place's unit of the largest of `values` (n,), m, N, ..., where all have so few digits; or 0."""
     sample, largest = _sample(values)
     # a change of unit rounds again
     numbers = list(zip(sample.tolist(), (2.0 * np.spacing(np.abs(sample))).tolist(), strict=True))

@@ -28,7 +28,7 @@ SINGLE_ROUNDINGS = 4.0
 
 
 def single_rounding(values: Array) -> float:
-    """Return by how much what is made of `values`, in single precision, may be off, in their unit: of the largest."""
+    """Return by how much what single precision makes of `values` (n,) or (n, N), m or N, may be off, in their unit."""
     return SINGLE_ROUNDINGS * SINGLE * float(np.max(np.abs(values), initial=0.0))
 
 

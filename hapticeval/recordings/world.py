@@ -33,7 +33,7 @@ def pose_channels(pose: Pose) -> dict[str, Array]:
 
 
 def poses_of(channels: Mapping[str, Array]) -> Pose | None:
-    """Return the poses of the body, one a row of the `channels` of a recording; None of a body at rest."""
+    """Return the poses of the body, one a row: of channels (n, N^2), 1, and (n, N), m; None of a body at rest."""
     if not channels.keys() >= set(POSE_CHANNELS):
         return None
     rotation, translation = (channels[name] for name in POSE_CHANNELS)
@@ -75,7 +75,7 @@ def _nearest_rotations(matrices: Array) -> Array:
 
 def in_world(recording: Recording) -> Recording:
     """Return a recording as the world saw it, itself of a body at rest; its poses stay with it."""
-    return _seen(recording, world=True)
+    return _in_frame(recording, world=True)
 
 
 def in_body(recording: Recording) -> Recording:
@@ -88,10 +88,10 @@ def in_body(recording: Recording) -> Recording:
         for row in np.flatnonzero(recording.measured):
             with at(f"row {row}"):
                 check_pose(poses.rotation[row], poses.translation[row], poses.translation.shape[1])
-    return _seen(recording, world=False)
+    return _in_frame(recording, world=False)
 
 
-def _seen(recording: Recording, *, world: bool) -> Recording:
+def _in_frame(recording: Recording, *, world: bool) -> Recording:
     """Return a recording with its channels of places, velocities and forces in the other frame."""
     poses = poses_of(recording.channels)
     if poses is None:

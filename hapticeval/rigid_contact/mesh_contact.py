@@ -326,7 +326,8 @@ def carry_on_mesh(
 ) -> tuple[Array, Array, int, Array]:
     """Carry the tool from `start`, SLIDE where it begins on the mesh, through all stretches, see `Ground.carry`.
 
-    `start` and `gains` are changed: the numbers of a `SPACE_TOOL`, and of a `LOAD` with its constants filled in.
+    `start` (k,) and `gains` (k,) are changed: the numbers (m, m/s, N, s) of a `SPACE_TOOL`, and of a `LOAD` with its
+    constants filled in.
     """
     state, out = as_record(start, SPACE_TOOL), np.zeros((rows, 12))
     tool = Tool(state, as_record(gains, LOAD), np.zeros(6), np.zeros((limit, 8)), np.zeros(1, np.int64))

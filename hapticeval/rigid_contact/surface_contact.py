@@ -122,7 +122,7 @@ def slide_in_space(
 ) -> tuple[Triple, Triple, Triple]:
     """Return place (m), velocity (m/s) and contact impulse (N s) after h seconds of sliding: one step of `STAGES`.
 
-    From p (m) on the surface and v (m/s) along it, `tau` (s) into the stretch of a `LOAD`.
+    From p (m) on the surface of `reals` (k,) and v (m/s) along it, `tau` (s) into the stretch of a `LOAD`.
     """
     rates, totals = np.empty((7, 9)), np.empty(9)  # dp/dt, dv/dt and the contact force, by axis
     for k in range(7):

@@ -45,10 +45,10 @@ def locked_folder(directory: Path | None, *, for_results: bool = True) -> Iterat
     if directory is None:
         yield
         return
-    # Before anything is made: a folder that is not ours stays untouched.
+    # Before anything is created: a folder that is not ours stays untouched.
     if for_results or not directory.is_dir():
         _check(directory)
-    made = not directory.exists()
+    created = not directory.exists()
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -57,7 +57,7 @@ def locked_folder(directory: Path | None, *, for_results: bool = True) -> Iterat
         with _locked(directory):
             yield
     finally:
-        if made and directory.is_dir() and not any(directory.iterdir()):
+        if created and directory.is_dir() and not any(directory.iterdir()):
             directory.rmdir()
 
 

@@ -48,8 +48,8 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> WrappedRenderer:
     if declared is not None:
         check_support(scene, declared)
     with renderer_errors("factory"):
-        made = factory(scene)
-    renderer = wrapped(made)
+        own_renderer = factory(scene)
+    renderer = wrapped(own_renderer)
     # Only the renderer itself could say what it supports; where it says nothing, it supports no extra.
     if declared is None:
         check_support(scene, renderer.supports or frozenset())
@@ -106,11 +106,11 @@ class Known:
         self.ihips, self.forces = self.law.data.pieces, self.law.data.joins
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - as every renderer
-        """Start with the first answer, wherever the hand is."""
+        """Start with the first answer, wherever the hand `hip` (N,), m, is."""
         self.law.data.state[0] = 0.0
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """Give the next answer, wherever the hand is (m), however fast (m/s), and however long the tick (s) lasts."""
+        """Give the next answer, wherever `hip` (N,), m, is, whatever `velocity` (N,), m/s, and `dt` (s) are."""
         answer = Response(np.empty_like(hip), np.empty_like(hip))
         self.law.function(self.law.data, hip, velocity, velocity, dt, *answer)
         return answer
@@ -130,6 +130,7 @@ def put_on_answers(
     affected = wrapped(Affected(wrapped(known), (effect,), scene))
 
     def change(hips: Array, ihips: Array, forces: Array) -> tuple[Array, Array]:
+        """Return IHIPs (n, N), m, and forces (n, N), N, with the effect, of a hand (n, N), m, and what they were."""
         known.ihips[:], known.forces[:] = ihips, forces
         answers = answers_along(affected, hips, scene.sampling_time)
         return answers.ihip, answers.force

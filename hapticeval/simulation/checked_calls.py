@@ -80,6 +80,7 @@ def ask_without_hip(renderer: Renderer, hip: Array, dt: float) -> tuple[Array | 
     """
 
     def force_for(hip: Array, velocity: Array) -> Array | None:
+        """Return the force (N,), N, for a `hip` (N,), m, and a `velocity` (N,), m/s; None where the step raises."""
         try:
             return np.asarray(renderer.step(hip, velocity, dt)[1], dtype=np.float64)
         except Exception:  # a refusal is what a renderer of any kind may raise

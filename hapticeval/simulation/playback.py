@@ -463,16 +463,16 @@ class Closeup:
         # fine ticks are counted on from that of the path
         ticks = Ticks(ticks.after(before.dt.size).first - 1)
         # the hand rests before the part, which then begins without lag, and after it, so that a lag shows
-        rest, rest_answer = self._rest_at(self._rows.hip[first], ticks, lag)
+        standing_rows, standing_answer = self._rest_at(self._rows.hip[first], ticks, lag)
         fine_rows = self._fine_rows(first, last, factor)
         fine_rows = fine_rows.followed_by(Rows.resting(fine_rows.hip[-1], float(fine_rows.dt[-1]), lag))
         fine_answers = lead_on(self._renderer, fine_rows, ticks)
-        answers = Answers(*(np.concatenate(pair) for pair in zip(rest_answer, fine_answers, strict=True)))
+        answers = Answers(*(np.concatenate(pair) for pair in zip(standing_answer, fine_answers, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(fine_rows.dt)])
-        rows = rest.part(-1, rest.dt.size).followed_by(fine_rows)
+        rows = standing_rows.part(-1, standing_rows.dt.size).followed_by(fine_rows)
         channels = {"hip": rows.hip, **channels_of(answers), "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(fine_rows.dt[-1])})
-        before = before.followed_by(rest.part(0, -1))
+        before = before.followed_by(standing_rows.part(0, -1))
         return Closeup(self._renderer, recording, rows, before, dt=self._dt, ahead=self._ahead)
 
     def _fine_rows(self, first: int, last: int, factor: int) -> Rows:

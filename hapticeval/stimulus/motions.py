@@ -104,7 +104,7 @@ class Slide(BodyMotion, frozen=True, kw_only=True, tag="slide"):
         return True
 
     def pose(self, time: float | Array) -> Pose:
-        """Return the pose: t = v time."""
+        """Return the pose at `time` (s), one or (n,): t = v time, m."""
         time = np.asarray(time, dtype=np.float64)
         return Pose(_unturned(time, self.dimension), time[..., np.newaxis] * np.array(self.velocity))
 
@@ -135,7 +135,7 @@ class Spin(BodyMotion, frozen=True, kw_only=True, tag="spin"):
         return 2 if self.axis is None else len(self.axis)
 
     def pose(self, time: float | Array) -> Pose:
-        """Return the pose: x -> c + R (x - c)."""
+        """Return the pose at `time` (s), one or (n,): x -> c + R (x - c), m."""
         angle = 2.0 * np.pi * self.rate * np.asarray(time, dtype=np.float64)
         if self.axis is None:
             rotation = turn_in_plane(angle)
@@ -170,12 +170,12 @@ class Swing(BodyMotion, frozen=True, kw_only=True, tag="swing"):
         return len(self.amplitude)
 
     def pose(self, time: float | Array) -> Pose:
-        """Return the pose."""
+        """Return the pose at `time` (s), one or (n,): moved and not turned."""
         time = np.asarray(time, dtype=np.float64)
         phase = (2.0 * np.pi * self.hertz * time)[..., np.newaxis]
         across = np.array(self.across or (0.0,) * self.dimension)
-        way = np.sin(phase) * np.array(self.amplitude) + (1.0 - np.cos(phase)) * across
-        return Pose(_unturned(time, self.dimension), way)
+        displacement = np.sin(phase) * np.array(self.amplitude) + (1.0 - np.cos(phase)) * across
+        return Pose(_unturned(time, self.dimension), displacement)
 
     def largest_step(self, size: float, dt: float) -> float:  # noqa: ARG002 - as every motion
         """Return a bound of the way of a tick, m: by the sum of both squares, which is that of an ellipse's axes."""
@@ -239,7 +239,7 @@ class Poses(BodyMotion, frozen=True, kw_only=True, tag="points", dict=True):
         return rows[:, 0], Pose(rotation, rows[:, 1 + size**2 :]), axis, angle
 
     def pose(self, time: float | Array) -> Pose:
-        """Return the pose; the first row's before it, and the last row's after it."""
+        """Return the pose at `time` (s), one or (n,): before the first row the first, after the last row the last."""
         # a scene is imported by whoever draws none: what moves and paths load is loaded where it is used
         from hapticeval.stimulus.moves import share_covered
 

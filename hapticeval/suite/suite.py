@@ -75,10 +75,11 @@ def digest_of_suite(suite: Suite) -> str:
 
 def digest_of_case(case: Case) -> str:
     """Return a digest of what a case asks of a renderer, its files included: all but what is said about it."""
-    asked = msgspec.structs.replace(case, title="", shows="", citation="", published={})
-    if asked.experiment is not None:
-        asked = msgspec.structs.replace(asked, experiment=msgspec.structs.replace(asked.experiment, phases=()))
-    return _digest([asked])
+    bare_case = msgspec.structs.replace(case, title="", shows="", citation="", published={})
+    if bare_case.experiment is not None:
+        experiment = msgspec.structs.replace(bare_case.experiment, phases=())
+        bare_case = msgspec.structs.replace(bare_case, experiment=experiment)
+    return _digest([bare_case])
 
 
 def _digest(cases: Sequence[Case], rows: Sequence[Row] = ()) -> str:

@@ -120,7 +120,10 @@ def facet_grid(rows: Array, margin: float) -> FacetGrid:
 
 @inner
 def cubes_between(grid: Array, p: Triple, q: Triple) -> tuple[int, int, int, int, int, int]:
-    """Return the first and the last cube along x, y and z of the box that p and q, m, span; none outside the grid."""
+    """Return the first and the last cube along x, y and z of the box that p (3,) and q (3,), m, span.
+
+    None of it is outside the `grid`.
+    """
     cells = as_record(grid, CELL_GRID)
     return (
         max(math.floor((min(p[0], q[0]) - cells.low_x) / cells.side), 0),
@@ -134,7 +137,10 @@ def cubes_between(grid: Array, p: Triple, q: Triple) -> tuple[int, int, int, int
 
 @inner
 def listed_in(grid: Array, cubes: Array, x: int, y: int, z: int) -> tuple[int, int]:
-    """Return from where to where the facets of a cube are listed; (0, 0) for one that has none."""
+    """Return from where to where the facets of the cube (x, y, z) of `cubes` (2, n) are listed; (0, 0) where none is.
+
+    The `grid` (k,) has the corner (m) and the side (m) of the cubes.
+    """
     cells = as_record(grid, CELL_GRID)
     number = float(x + int(cells.across) * (y + int(cells.up) * z))
     numbers = cubes[0]

@@ -84,12 +84,12 @@ def _judge_corner(base: Observed, crossing: Crossing, pushes: BoolArray) -> Find
     else:
         besides = f"; besides, n_pre is lost {mm(early)} before it" if early > allowed else ""
         cause, fails = "remains", f"a force remains up to {mm(late)} past the corner{besides}"
-    far = early if too_early else late
+    ticks_off = early if too_early else late
     return compared(
-        CHECK.measured(far),
+        CHECK.measured(ticks_off),
         allowed,
         {
-            **({"cause": cause} if far > allowed else {}),
+            **({"cause": cause} if ticks_off > allowed else {}),
             **base.evidence_at(tick),
             "corner": listed(crossing.place),
             "lost_before_corner_m": early,

@@ -52,9 +52,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if barred.outcome is not Outcome.FAIL:
         return trailing_tool
     # Both in metres: the larger first.
-    lost = f"the hand gets {mm(_size_of(barred))} past the surface without contact"
+    lost_contact = f"the hand gets {mm(_size_of(barred))} past the surface without contact"
     trails = f"the IHIP is {mm(_size_of(trailing_tool))} away from the HIP in free space"
-    first, other = (barred, trails) if _size_of(barred) > _size_of(trailing_tool) else (trailing_tool, lost)
+    first, other = (barred, trails) if _size_of(barred) > _size_of(trailing_tool) else (trailing_tool, lost_contact)
     return replace(first, message=f"{first.message}; besides, {other}")
 
 

@@ -140,7 +140,7 @@ def judge_work(runs: Runs, surface_force: SurfaceForce, scene: Scene) -> Finding
 
 
 def dissipated_work(base: Observed, surface_force: SurfaceForce, moved: Array) -> tuple[Array, Array]:
-    """Return the work (n - 1,), J, that the laws take over each step `moved` (n - 1, N), m, and its doubt."""
+    """Return the work that the laws take over each step `moved` (n, N), m, and its doubt: (n,) each, J."""
     scene = base.scene
     dissipated = np.zeros(len(moved))
     # What rounding, and a lag between two ticks, leave open of the force, over the way of tool and hand.

@@ -147,8 +147,10 @@ def _is_pressed(base: Observed, normal: Array, rows: slice) -> bool:
     """Return whether the force along `normal` (N,) in `rows` is at least that of the softest declared spring, K d."""
     softest, _ = base.stiffness_range or (1.0, 1.0)
     depths = (base.ihip[rows] - base.hip[rows]) @ normal
-    asked = softest * base.scene.stiffness * depths
-    return bool(np.all(base.force[rows] @ normal >= asked - IMPULSE_ROUNDING * np.abs(asked).max(initial=0.0)))
+    least_force = softest * base.scene.stiffness * depths
+    return bool(
+        np.all(base.force[rows] @ normal >= least_force - IMPULSE_ROUNDING * np.abs(least_force).max(initial=0.0))
+    )
 
 
 def _spring_impulse(base: Observed, normal: Array, rows: slice) -> float:

@@ -154,11 +154,11 @@ def _finding(base: Observed, contact: BoolArray, motion_names: Sequence[str], ch
         lengths = (change.total[least_digits], change.hand, change.declared, change.steep[least_digits])
         how += _describe_excuse(*map(float, lengths))
     # Whole ones, up to those of the bound: beyond, rounding decides, and another machine has others.
-    whole = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
-    metric = Metric("digits of the answer that hold", float(whole), "digits")
+    whole_digits = min(max(0, math.floor(digits)), round(-math.log10(ANSWER_CHANGE)))
+    metric = Metric("digits of the answer that hold", float(whole_digits), "digits")
     if digits < FEWEST_DIGITS:
         # What is declared explains the rest, and so nothing is certified.
-        return undecided(f"undecided, {plural(whole, 'digit')} {how}", metric, evidence=evidence)
+        return undecided(f"undecided, {plural(whole_digits, 'digit')} {how}", metric, evidence=evidence)
     return Finding(Outcome.PASS, f"the answers keep {math.floor(digits)} digits {how}", metric, evidence=evidence)
 
 

@@ -271,8 +271,8 @@ def judge_law(base: Observed, gains: Sequence[Gain], telling: Sequence[Gain]) ->
             "energy"
         )
         return undecided(message, metric, worst.granted, evidence)
-    held = f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}"
-    message = f"the hand gets back no more than it put in; {worst.span.what} {held}"
+    by_holding = f"at {1e3 * base.dt:.3g} ms holding the force adds {_millijoules(worst.hold)}"
+    message = f"the hand gets back no more than it put in; {worst.span.what} {by_holding}"
     return Finding(Outcome.PASS, message, metric, worst.granted, evidence)
 
 

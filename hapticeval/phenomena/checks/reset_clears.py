@@ -68,12 +68,13 @@ def _unlike_each_other(runs: Runs, base: Observed, scatter: dict[str, float]) ->
         return None
     first, second = Observed(runs.fresh(1), base.scene), runs.fresh(2)
     rows = min(len(first), len(second))
-    for name, shown, unit in (("force", "force", "N"), ("ihip", "IHIP", "m")):
+    for name, channel_words, unit in (("force", "force", "N"), ("ihip", "IHIP", "m")):
         differences = _apart(first, second, name, rows)
         if (differences > scatter[name]).any():
             worst = worst_row(differences)
-            far, where = f"{differences[worst]:.3g} {unit}", first.time_and_hip(worst)
-            return f"it is random: the {shown} of two new renderers, asked the same, is up to {far} apart, at {where}"
+            difference, where = f"{differences[worst]:.3g} {unit}", first.time_and_hip(worst)
+            renderers = f"the {channel_words} of two new renderers, asked the same,"
+            return f"it is random: {renderers} is up to {difference} apart, at {where}"
     return None
 
 

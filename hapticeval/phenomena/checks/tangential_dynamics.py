@@ -56,7 +56,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def describe_unexplained(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
-    """Say what the unexplained velocity, (n, N - 1), m/s, is like: another viscosity (kg/s) where that makes most."""
+    """Say what the unexplained velocity (n, M), m/s, is like: another viscosity (kg/s) where that makes most.
+
+    M = N - 1 are the directions along the surface.
+    """
     moved = motion.components(motion.foot_velocity)[: len(unexplained)]
     assigned = motion.base.scene.viscosity
     # A viscosity b' instead of b takes (b' - b) / m of the velocity per second of sliding.

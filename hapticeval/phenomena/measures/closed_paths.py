@@ -61,7 +61,7 @@ def laps(hip: Array, size: float) -> list[LapRun]:
 
 
 def later_laps(hip: Array, size: float) -> list[tuple[int, int]]:
-    """Return first and last row of each lap after the first, of all that `laps` finds."""
+    """Return first and last row of each lap after the first that `laps` finds in `hip` (n, N), m; `size` in m."""
     return [rows for lap_run in laps(hip, size) for rows in lap_run.later]
 
 

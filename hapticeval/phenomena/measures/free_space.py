@@ -53,8 +53,8 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
     pushed = base.pushed_in_free_space.copy()
     if base.scene.bilateral or not {"ihip", "force"} <= base.channels.keys():
         return pushed
-    way = _way_in_lag(base)
-    allowed = way + base.across_allowed
+    lag_distance = _way_in_lag(base)
+    allowed = lag_distance + base.across_allowed
     # Outside by the hand as it is, and as a sensor gave it to the renderer.
     distance = np.minimum(base.distance, base.as_sensed.distance)
     felt = (base.pressed | base.contact) & base.apart
@@ -113,8 +113,8 @@ def _is_way_open(base: Observed, tick: int, reach: float, grain: float) -> bool:
     # A wall thinner than the grain holds a tool too: one of the faces at it is between it and the hand.
     is_at_surface = abs(boundary.signed_distance(tool[np.newaxis])[0]) <= base.rounding
     angle_outside = boundary.normal_cone(tool[np.newaxis], np.array([base.rounding]))
-    held = is_at_surface and angle_outside((tool - hand)[np.newaxis])[0] < 0.5 * np.pi
-    if held or boundary.first_crossing(tool, hand, grain=grain) is not None:
+    held_at_surface = is_at_surface and angle_outside((tool - hand)[np.newaxis])[0] < 0.5 * np.pi
+    if held_at_surface or boundary.first_crossing(tool, hand, grain=grain) is not None:
         return False
     return all(boundary.first_crossing(other, hand, grain=grain) is None for other in boundary.around(tool, reach))
 

@@ -200,16 +200,16 @@ def force_coarseness(base: Observed) -> float:
     return declared + 0.5 * base.log_step("force")
 
 
-def _seen_resolution(base: Observed, most: float) -> float:
+def _seen_resolution(base: Observed, largest: float) -> float:
     """Return the resolution that forces show, N: the coarsest of a quantum, a dead band, and a force that stands.
 
-    - A quantum: the forces' components, or their sizes, lie on a lattice. Too few numbers contradict none: `most`.
+    - A quantum: the forces' components, or their sizes, lie on a lattice. Too few numbers contradict none: `largest`.
     - A dead band: no force comes at all up to a depth, within three ticks.
     - A force that stands until it would change by so much: the least of its changes, where it stands for a tick.
     """
     forces, columns = base.force[base.pressed], [*base.force[base.pressed].T, base.force_size[base.pressed]]
     if max((np.unique(column).size for column in columns), default=0) < FEWEST_FORCES:
-        return most
+        return largest
     *steps, of_size = (numeric_step(column) or 0.0 for column in columns)
     quantum = max(float(np.linalg.norm(steps)), of_size)
     depth = np.maximum(lengths_of(base.hip - base.ihip), np.maximum(-base.distance, 0.0))

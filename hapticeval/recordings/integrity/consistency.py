@@ -262,8 +262,9 @@ def free_noise(recording: Recording, rows: IntArray, model: Model) -> float:
     if free.size < FREE_ROWS_KNOWN:
         return _noise(force[rows], force[rows])
     readings = force[free] - np.median(force[free], axis=0)
-    following = np.diff(free) == 1
-    white = float(np.max(np.median(np.abs(np.diff(readings, axis=0)[following]), axis=0), initial=0.0)) / math.sqrt(2.0)
+    consecutive = np.diff(free) == 1
+    steps = np.abs(np.diff(readings, axis=0)[consecutive])
+    white = float(np.max(np.median(steps, axis=0), initial=0.0)) / math.sqrt(2.0)
     coloured = float(np.max(np.median(np.abs(readings), axis=0)))
     # The median of |z| / 0.6745 is the deviation of normal noise z.
     return FREE_DEVIATIONS * (coloured if white < coloured < COLOURED_TIMES * white else white) / 0.6745
@@ -316,10 +317,10 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     size = np.linalg.norm(recording.force, axis=1)
     floor = force_floor(recording, rows, model)
     # N: noise that is known may lower a force of twice the floor to it.
-    lost = floor * (2.0 if _free_rows(recording, rows, model).size >= FREE_ROWS_KNOWN else 1.0)
+    unseen_force = floor * (2.0 if _free_rows(recording, rows, model).size >= FREE_ROWS_KNOWN else 1.0)
     # m: a hand may be so deep with a force that is lost so, by the stiffness that most forces have.
     pressed = rows[(size[rows] > floor) & (distance[rows] < 0.0)]
-    unfelt = lost * float(np.median(-distance[pressed] / size[pressed])) if pressed.size else 0.0
+    unfelt = unseen_force * float(np.median(-distance[pressed] / size[pressed])) if pressed.size else 0.0
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     # 1 where the HIP does not come out; damping may take the force away while it does.
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])

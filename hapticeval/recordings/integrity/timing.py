@@ -130,10 +130,10 @@ def dropped_rows(recording: Recording) -> Iterator[Issue]:
     moved[~(recording.measured[1:] & recording.measured[:-1])] = np.nan
     seconds = np.diff(recording.time)
     before, step, after = moved[:-2], moved[1:-1], moved[2:]
-    beside = 0.5 * (before + after)
-    size = np.linalg.norm(beside, axis=1)
+    usual_step = 0.5 * (before + after)
+    size = np.linalg.norm(usual_step, axis=1)
     agree = np.linalg.norm(after - before, axis=1) < DROPPED_TOLERANCE * size
-    double = np.linalg.norm(step - DROPPED_STEP * beside, axis=1) < DROPPED_TOLERANCE * size
+    double = np.linalg.norm(step - DROPPED_STEP * usual_step, axis=1) < DROPPED_TOLERANCE * size
     even = np.abs(seconds[1:-1] - np.median(seconds)) < HALF_STEP * np.median(seconds)
     clear = agree & even & (size > DROPPED_QUANTA * coarsest(recording.hip))
     places = np.flatnonzero(clear & double)

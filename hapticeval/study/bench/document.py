@@ -200,14 +200,14 @@ def join_benches(results: BenchResults, before: BenchResults) -> BenchResults:
     # New measurements of a renderer on a model replace all old ones of that pair.
     measured = {(setting.renderer, setting.model) for setting in results.settings}
     # Keys of their own, which no key "s..." of this bench can equal.
-    kept = [
+    kept_settings = [
         replace(setting, key=f"k{number:03d}", kept=True)
         for number, setting in enumerate(
             setting for setting in before.settings if (setting.renderer, setting.model) not in measured
         )
     ]
     references = [reference for reference in before.references if (reference.renderer, reference.model) not in measured]
-    return replace(results, settings=[*kept, *results.settings], references=[*references, *results.references])
+    return replace(results, settings=[*kept_settings, *results.settings], references=[*references, *results.references])
 
 
 def write_bench(directory: Path, results: BenchResults) -> Path:

@@ -94,10 +94,10 @@ class DoesNothing:
     """A renderer that answers nothing: what its step takes is in the time of every other."""
 
     def reset(self, hip: Array) -> None:
-        """Start nothing."""
+        """Start nothing with the hand at `hip` (N,), m."""
 
     def step(self, hip: Array, velocity: Array, dt: float) -> None:
-        """Answer nothing."""
+        """Answer nothing to `hip` (N,), m, and `velocity` (N,), m/s, in a tick of `dt` (s)."""
 
 
 def time_builds(
