@@ -76,12 +76,13 @@ def unknown_in_citation(citation: str) -> Iterator[str]:
             yield f"{kind} {part}"
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.relative_to(ROOT).as_posix())
-def test_what_is_cited_is_there(file):
-    text = prose(file)
-    assert list(unknown(text)) == []
-    cited = CITATION.findall(file.read_text(encoding="utf-8"))
-    assert [wrong for citation in cited for wrong in unknown_in_citation(citation)] == []
+def test_what_is_cited_is_there():
+    wrong = {file: list(unknown(prose(file))) for file in FILES}
+    for file in FILES:
+        for citation in CITATION.findall(file.read_text(encoding="utf-8")):
+            wrong[file] += unknown_in_citation(citation)
+    assert len(wrong) > 400
+    assert {file: places for file, places in wrong.items() if places} == {}
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 import typer
-from pages import NOT_RUN, PAGES, ROOT, Block, Reader, blocks, lines
+from pages import NOT_RUN, PAGES, ROOT, Reader, blocks, lines
 
 from hapticeval.cli import app
 
@@ -35,35 +36,42 @@ def test_there_are_commands_to_check() -> None:
     assert len(COMMANDS) > 40
 
 
-@pytest.mark.parametrize("line", sorted({*COMMANDS, *TOUR}))
-def test_every_command_has_the_options_that_are_written(line: str) -> None:
-    words = list(takewhile(lambda word: word not in ("|", ">"), shlex.split(line, comments=True)))
-    if words[0] != "hapticeval" or words[1].startswith("-"):
-        return
-    group, *rest = words
-    program = PROGRAM
-    while rest and hasattr(program, "commands"):
-        group, program, rest = rest[0], program.commands[rest[0]], rest[1:]
-    program.make_context(group, rest)
+def test_every_command_has_the_options_that_are_written() -> None:
+    for line in {*COMMANDS, *TOUR}:
+        words = list(takewhile(lambda word: word not in ("|", ">"), shlex.split(line, comments=True)))
+        if words[0] != "hapticeval" or words[1].startswith("-"):
+            continue
+        group, *rest = words
+        program = PROGRAM
+        while rest and hasattr(program, "commands"):
+            group, program, rest = rest[0], program.commands[rest[0]], rest[1:]
+        try:
+            program.make_context(group, rest)
+        except click.ClickException as wrong:
+            pytest.fail(f"{line}: {wrong.format_message()}")
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_command_that_is_named_exists(page: str) -> None:
-    program: Any = typer.main.get_command(app)
-    named = re.findall(r"`hapticeval ([a-z]\w*)(?: ([a-z]\w*))?", PAGES[page].read_text(encoding="utf-8"))
-    assert {first for first, _ in named} <= set(program.commands)
-    assert {second for first, second in named if first == "study"} <= set(program.commands["study"].commands)
+def found_in_pages(pattern: str) -> set[tuple[str, Any]]:
+    """What stands in a page, with its name."""
+    texts = {page: path.read_text(encoding="utf-8") for page, path in PAGES.items()}
+    return {(page, words) for page, text in texts.items() for words in re.findall(pattern, text, re.MULTILINE)}
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page != "README"])
-def test_commands_stand_in_blocks_that_are_run(page: str) -> None:
-    text = PAGES[page].read_text(encoding="utf-8")
-    assert re.findall(r"^    (?:hapticeval|python|pip|pytest|cc|c\+\+) .*$", text, re.MULTILINE) == []
+def test_every_command_that_is_named_exists() -> None:
+    named = found_in_pages(r"`hapticeval ([a-z]\w*)(?: ([a-z]\w*))?")
+    assert {place for place in named if place[1][0] not in PROGRAM.commands} == set()
+    studies = {place for place in named if place[1][0] == "study"}
+    assert {place for place in studies if place[1][1] not in PROGRAM.commands["study"].commands} == set()
 
 
-@pytest.mark.parametrize("block", [each for each in BLOCKS if not each.runs], ids=lambda block: block.place)
-def test_what_is_not_run_says_why(block: Block) -> None:
-    assert len(block.title.removeprefix(NOT_RUN).split()) >= 3
+def test_commands_stand_in_blocks_that_are_run() -> None:
+    commands = found_in_pages(r"^    (?:hapticeval|python|pip|pytest|cc|c\+\+) .*$")
+    assert {place for place in commands if place[0] != "README"} == set()
+
+
+def test_what_is_not_run_says_why() -> None:
+    reasons = {block.place: block.title.removeprefix(NOT_RUN).split() for block in BLOCKS if not block.runs}
+    assert {place: words for place, words in reasons.items() if len(words) < 3} == {}
 
 
 def test_every_page_is_in_the_contents() -> None:
@@ -113,8 +121,6 @@ def test_the_notebook_runs(path: Path, tmp_path: Path) -> None:
     assert all(cell.outputs for cell in notebook.cells[-2:] if cell.cell_type == "code")
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_no_page_imports_from_an_inner_module(page: str) -> None:
+def test_no_page_imports_from_an_inner_module() -> None:
     """Rooms may move without breaking anyone: what others import, `hapticeval` exports."""
-    text = PAGES[page].read_text(encoding="utf-8")
-    assert re.findall(r"(?:from|import) hapticeval\.\w+", text) == []
+    assert found_in_pages(r"(?:from|import) hapticeval\.\w+") == set()

@@ -295,15 +295,13 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
     assert "broken:" not in out
 
 
-def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeypatch):
+def test_the_cases_of_a_suite_are_listed(here, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["list", "cases", "thesis", "slides.toml"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("thesis\n  cassinian-shallow-slide ")
     assert "\n\nslides.toml\n  flat " in out
     assert max(map(len, out.splitlines())) <= 80
-    quick = "import sys; from hapticeval.cli import main; main(['list', 'cases']); assert 'numba' not in sys.modules"
-    subprocess.run([sys.executable, "-c", quick], check=True, capture_output=True)
     assert main(["list", "checks", "thesis"]) == 2
     assert "write hapticeval list checks, or list cases SUITE" in capsys.readouterr().err
     assert main(["list", "cases", "thesi"]) == 2
