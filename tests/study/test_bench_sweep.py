@@ -1,6 +1,7 @@
 """The bench on renderers whose error is known: references, refusals, interrupts, and what is written."""
 
 import json
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 
@@ -85,19 +86,42 @@ def work():
     return small("cassinian")
 
 
+@contextmanager
+def little_effort():
+    """Benches are on small workloads, with little effort."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sweeping, "QUICK", TINY)
+        patch.setattr(sweeping, "workload", lambda kind, points, seed: small(kind))
+        yield
+
+
+def swept(settings, progress=lambda *_: None):
+    """A bench of settings, on each model or by model."""
+    on_each = settings if isinstance(settings, dict) else dict.fromkeys(TINY.models, settings)
+    bench = Sweep(on_each, quick=True, seed=0, command={})
+    bench.run(progress)
+    return bench
+
+
 @pytest.fixture
-def run(monkeypatch):
-    """Runs a bench of settings on small workloads, with little effort."""
-    monkeypatch.setattr(sweeping, "QUICK", TINY)
-    monkeypatch.setattr(sweeping, "workload", lambda kind, points, seed: small(kind))
+def run():
+    """Runs a bench of settings with little effort."""
+    with little_effort():
+        yield swept
 
-    def run(settings, progress=lambda *_: None):
-        on_each = settings if isinstance(settings, dict) else dict.fromkeys(TINY.models, settings)
-        bench = Sweep(on_each, quick=True, seed=0, command={})
-        bench.run(progress)
-        return bench
 
-    return run
+@cache
+def swept_once(*names):
+    """The bench of renderers with all of their quick settings."""
+    with little_effort():
+        return swept(settings_of(names, quick=True))
+
+
+@cache
+def swept_on_spheres():
+    """A bench on meshes of a sphere, of two that take them and one that refuses them."""
+    with little_effort():
+        return swept(settings_by_model(["sphere"], ["mapping", "minimum-distance", "constraint"], quick=True))
 
 
 def test_the_points_are_inside_and_away_from_discontinuities():
@@ -329,12 +353,12 @@ def test_a_bench_from_end_to_end(run, tmp_path):
     assert "a call that does nothing takes" in describe(again)
 
 
-def test_settings_of_other_renderers_stay_beside_new_ones(run):
-    old, new = (run(settings_of([name], quick=True)) for name in ("minimum-distance@polygon", "constraint@curve"))
+def test_settings_of_other_renderers_stay_beside_new_ones():
+    old, new = (swept_once(name) for name in ("minimum-distance@polygon", "minimum-distance@curve"))
     before, after = old.results(), new.results()
     joined = join_benches(after, before)
     assert [each.kept for each in joined.settings] == [True] * len(before.settings) + [False] * len(after.settings)
-    assert {each.renderer for each in joined.references} == {"minimum-distance@polygon", "constraint@curve"}
+    assert {each.renderer for each in joined.references} == {"minimum-distance@polygon", "minimum-distance@curve"}
     assert len({each.key for each in joined.settings}) == len(joined.settings)
     for each, once in zip(joined.settings, before.settings, strict=False):
         assert (each.label, each.step) == (once.label, once.step)
@@ -426,8 +450,8 @@ def test_a_damaged_bench_is_refused(refused, run, tmp_path, change):
         read_bench(tmp_path)
 
 
-def test_on_meshes_a_renderer_is_off_by_what_their_triangles_are(run):
-    costs = judge_bench(run(settings_by_model(["sphere"], ["minimum-distance", "constraint"], quick=True)).results())
+def test_on_meshes_a_renderer_is_off_by_what_their_triangles_are():
+    costs = judge_bench(swept_on_spheres().results())
     of = {
         name: [each for each in costs.settings if each.renderer == name] for name in ("minimum-distance", "constraint")
     }
@@ -471,8 +495,8 @@ def test_a_model_that_no_bench_has_is_refused():
         settings_by_model(["cube"], ["minimum-distance"], quick=True)
 
 
-def test_a_refusal_is_no_fault_while_something_is_measured_and_is_noted(run):
-    bench = run(settings_by_model(["sphere"], ["mapping", "minimum-distance"], quick=True))
+def test_a_refusal_is_no_fault_while_something_is_measured_and_is_noted():
+    bench = swept_on_spheres()
     assert bench.failures == []
     noted = describe(judge_bench(bench.results())).partition("Not measured:\n")[2].splitlines()
     assert noted[0].startswith("   mapping (3 settings) on the sphere: ")
@@ -480,9 +504,9 @@ def test_a_refusal_is_no_fault_while_something_is_measured_and_is_noted(run):
 
 
 def test_the_time_to_make_a_mesh_is_no_time_to_build_a_renderer(run):
-    finest = run(settings_by_model(["sphere"], ["minimum-distance"], quick=True)).results().settings[-1]
+    finest = [each for each in swept_on_spheres().results().settings if each.renderer == "minimum-distance"][-1]
     assert 0.0 < min(finest.build_seconds) < min(finest.mesh_seconds), "which triangulates, checks, and makes a tree"
-    assert run(settings_of(["minimum-distance"], quick=True)).results().settings[0].mesh_seconds == []
+    assert swept_once("minimum-distance@curve").results().settings[0].mesh_seconds == []
     assert {each.exit_code for each in run(settings_by_model(["sphere"], ["mapping"], quick=True)).failures} == {2}
 
 
@@ -492,15 +516,15 @@ def test_the_quick_reference_of_the_flow_is_one_that_the_flow_takes():
             FlowSettings(**{name: value if name == "gap" else int(value) for name, value in settings.items()})
 
 
-def test_what_no_scene_calls_for_is_measured_beside_what_the_factory_made(run):
-    uncalled = run(settings_of(["minimum-distance@curve"], quick=True)).results().uncalled
+def test_what_no_scene_calls_for_is_measured_beside_what_the_factory_made():
+    uncalled = swept_once("minimum-distance@curve").results().uncalled
     assert uncalled.renderer == "minimum-distance@curve"
     assert uncalled.same_law
     assert uncalled.ratio > 0.0
 
 
-def test_tails_are_told_of_a_quiet_machine_alone(run):
-    results = run(settings_of(["minimum-distance@curve"], quick=True)).results()
+def test_tails_are_told_of_a_quiet_machine_alone():
+    results = swept_once("minimum-distance@curve").results()
     for tail, is_quiet in ((1.4e-7, True), (1.6e-7, False)):
         empty = Times(median=1e-7, p99=tail, rounds=[1e-7])
         told = msgspec.structs.replace(results, empty=empty)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -229,6 +230,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     sys.modules.pop("patients", None)
 
 
+@cache
+def examined(name: str) -> tuple[doctor.ContractFinding, ...]:
+    """What the doctor finds of a renderer, which is examined once, in a process of its own."""
+    return tuple(examine(name, patience=ANSWER_SECONDS))
+
+
 @pytest.mark.parametrize(
     ("name", "ails"),
     [
@@ -255,7 +262,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_what_ails_a_renderer_is_found(here: Path, name: str, ails: dict[str, str]) -> None:
-    found = list(examine(f"patients:{name}", patience=ANSWER_SECONDS))
+    found = examined(f"patients:{name}")
     assert {each.what: str(each.state) for each in found if each.state in (State.MISSING, State.BROKE)} == ails
     assert doctor.exit_code(found) == (3 if "broke" in ails.values() else int(bool(ails)))
 
@@ -287,7 +294,7 @@ def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
     ],
 )
 def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
-    first = next(each for each in examine(f"patients:{name}", patience=ANSWER_SECONDS) if each.state is State.BROKE)
+    first = next(each for each in examined(f"patients:{name}") if each.state is State.BROKE)
     assert words in first.text
 
 
@@ -309,19 +316,19 @@ def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
 def test_a_unit_a_sign_or_a_changed_argument_is_named(
     here: Path, name: str, what: str, state: State, words: str
 ) -> None:
-    found = [each for each in examine(f"patients:{name}", patience=ANSWER_SECONDS) if each.what == what]
+    found = [each for each in examined(f"patients:{name}") if each.what == what]
     assert len(found) == 2, "in the plane and in space"
     assert all(each.state is state and words in each.text for each in found)
 
 
 def test_one_cause_is_reported_once(here: Path) -> None:
-    texts = [each.text for each in examine("patients:Dies", patience=ANSWER_SECONDS) if each.state is State.BROKE]
+    texts = [each.text for each in examined("patients:Dies") if each.state is State.BROKE]
     assert texts == ["it ends the process that it runs in: exit code 7"] + ["as at 'contact' in the plane"] * 13
 
 
 @pytest.mark.parametrize("name", ["constraint", "minimum-distance"])
 def test_our_own_keep_the_contract(name: str) -> None:
-    assert [each for each in examine(name, patience=ANSWER_SECONDS) if each.state not in (State.OK, State.NOTE)] == []
+    assert [each for each in examined(name) if each.state not in (State.OK, State.NOTE)] == []
 
 
 def test_the_command_shows_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -349,13 +356,13 @@ def test_what_broke_can_be_asked_again_by_the_program_that_the_doctor_prints(
                 exec(program, {})
     assert main(["doctor", "-r", "patients:Good"]) == 0
     assert "next:" not in capsys.readouterr().out
-    assert doctor.next_steps("p", list(examine("patients:Raises", patience=ANSWER_SECONDS))) == [
+    assert doctor.next_steps("p", examined("patients:Raises")) == [
         "next: mend what broke at 'made' first; what broke as it did goes with it"
     ]
 
 
 def test_a_renderer_of_solids_alone_is_told_how_to_say_so(here: Path) -> None:
-    steps = doctor.next_steps("p", list(examine("patients:Faceted", patience=ANSWER_SECONDS)))
+    steps = doctor.next_steps("p", examined("patients:Faceted"))
     assert steps[1:] == ["or, if it is for models in space alone, have it say so: supports = {'space'}"]
 
 
@@ -369,7 +376,7 @@ def test_a_kind_that_is_refused_is_not_proposed_as_all_that_it_is_for() -> None:
 
 
 def test_a_force_of_the_plane_in_space_is_named_wherever_it_is_asked(here: Path) -> None:
-    findings = list(examine("patients:Flat", patience=ANSWER_SECONDS))
+    findings = examined("patients:Flat")
     broke = [finding for finding in findings if finding.state is State.BROKE]
     assert {finding.kind for finding in broke} == {"space"}
     assert "a force of shape (2,)" in broke[0].text
@@ -382,15 +389,11 @@ def test_a_force_of_the_plane_in_space_is_named_wherever_it_is_asked(here: Path)
 
 
 def test_numbers_that_become_none_while_it_is_timed_are_seen(here: Path) -> None:
-    broke = [
-        finding for finding in examine("patients:WearsOut", patience=ANSWER_SECONDS) if finding.state is State.BROKE
-    ]
+    broke = [finding for finding in examined("patients:WearsOut") if finding.state is State.BROKE]
     assert {"lag", "speed"} <= {finding.what for finding in broke}
     assert "not finite" in broke[0].text
 
 
 def test_no_standoff_is_advised_that_would_not_be_believed(here: Path) -> None:
-    (text, *_) = [
-        finding.text for finding in examine("patients:Beside", patience=ANSWER_SECONDS) if finding.what == "contact"
-    ]
+    (text, *_) = [finding.text for finding in examined("patients:Beside") if finding.what == "contact"]
     assert "put it there; of a standoff 4 mm count here at the most" in text

@@ -29,15 +29,11 @@ def field(model, *, name="minimum-distance", start=None, cells=120):
     return field_of(make_projector(renderer, surface, dt=1e-3, origin=start), surface, cells=cells, start=start)
 
 
-def test_a_circle_is_singular_at_its_centre_alone():
+def test_a_circle_is_singular_at_its_centre_alone_and_amplifies_by_the_distance_from_there():
     found = field(circle())
     np.testing.assert_allclose(found.singular.points, [[0.0, 0.0]], atol=1e-9)
     assert found.singular.segments.shape == (0, 2, 2)
     assert found.share_near(5 * MM) == pytest.approx(0.05**2, rel=2e-3)
-
-
-def test_a_circle_amplifies_as_its_radius_over_the_distance_from_the_centre():
-    found = field(circle())
     lattice = found.lattice
     radius = np.hypot(*np.moveaxis(lattice.nodes, -1, 0))
     kept = lattice.contact & (radius > 2 * MM)
