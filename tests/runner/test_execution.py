@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -119,28 +120,44 @@ def line_of(words: str) -> int:
     return number
 
 
+@contextmanager
+def short_suite(folder) -> Iterator[str]:
+    """Write a suite, whose path is given, and make the module of renderers importable as `thirdparty`."""
+    (folder / "thirdparty.py").write_text(MODULE)
+    (folder / "short.toml").write_text(SUITE)
+    with pytest.MonkeyPatch.context() as patch:
+        # On a busy machine a job may take longer than a beat, and an AtWork would come between the events.
+        patch.setattr(execution, "BEAT", math.inf)
+        patch.syspath_prepend(str(folder))
+        yield str(folder / "short.toml")
+        sys.modules.pop("thirdparty", None)
+
+
 @pytest.fixture
-def short(tmp_path, monkeypatch) -> Iterator[str]:
-    """The suite's path, with the module of renderers importable as `thirdparty`."""
-    # On a busy machine a job may take longer than a beat, and an AtWork would come between the events.
-    monkeypatch.setattr(execution, "BEAT", math.inf)
-    (tmp_path / "thirdparty.py").write_text(MODULE)
-    (tmp_path / "short.toml").write_text(SUITE)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    yield str(tmp_path / "short.toml")
-    sys.modules.pop("thirdparty", None)
+def short(tmp_path) -> Iterator[str]:
+    with short_suite(tmp_path) as suite:
+        yield suite
+
+
+def executed(suite, renderers, output, *, workers=2, **options):
+    """Run renderers, in two processes; the events, and those of jobs by case and renderer."""
+    events = list(execute(plan([suite], renderers, RunOptions(output=output, workers=workers, **options))))
+    return events, {(each.run.case, each.run.renderer): each for each in events if isinstance(each, JobFinished)}
 
 
 @pytest.fixture
 def run(short, tmp_path):
-    """Run renderers, in two processes; the events, and those of jobs by case and renderer."""
+    return lambda *renderers, directory="out", **options: executed(short, renderers, tmp_path / directory, **options)
 
-    def run(*renderers, directory="out", workers=2, **options):
-        chosen = RunOptions(output=tmp_path / directory, workers=workers, **options)
-        events = list(execute(plan([short], renderers, chosen)))
-        return events, {(each.run.case, each.run.renderer): each for each in events if isinstance(each, JobFinished)}
 
-    return run
+@pytest.fixture(scope="module")
+def broken_run(tmp_path_factory):
+    """The folder and the jobs of a run in which nine renderers break between two that do not."""
+    folder = tmp_path_factory.mktemp("broken")
+    names = [f"thirdparty:{name}" for name in BREAKS]
+    with short_suite(folder) as suite:
+        _, jobs = executed(suite, ["constraint", *names, "minimum-distance"], folder / "out")
+    return folder / "out", jobs
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -183,28 +200,35 @@ def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
     assert set(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize(
-    ("name", "message", "others"),
-    [
-        ("Raises", "out of its depth", 1),
-        ("Exits", "SystemExit", 0),
-        ("Talks", "standoff = '0.1 mm'", 0),
-        ("Sideways", "surface is a str", 0),
-        ("no_renderer", "int", 0),
-        ("Dies", "ended the process that it ran in: exit code 7 at tick 0 (counted from 0), HIP (", 0),
-        ("Crashes", "ended the process that it ran in: SIGABRT at tick ", 1),
-        ("Leaves", "step() raised GeneratorExit at tick ", 1),
-        ("Interrupts", "step() raised KeyboardInterrupt at tick 0 (counted from 0), HIP (", 0),
-    ],
-)
-def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, others):
-    _, jobs = run("constraint", f"thirdparty:{name}", "minimum-distance")
+BREAKS = {
+    "Raises": ("out of its depth", True),
+    "Exits": ("SystemExit", False),
+    "Talks": ("standoff = '0.1 mm'", False),
+    "Sideways": ("surface is a str", False),
+    "no_renderer": ("int", False),
+    "Dies": ("ended the process that it ran in: exit code 7 at tick 0 (counted from 0), HIP (", False),
+    "Crashes": ("ended the process that it ran in: SIGABRT at tick ", True),
+    "Leaves": ("step() raised GeneratorExit at tick ", True),
+    "Interrupts": ("step() raised KeyboardInterrupt at tick 0 (counted from 0), HIP (", False),
+}
+"""What the slide breaks with, by renderer, and whether the press comes to its end."""
+
+
+def test_beside_those_that_break_the_others_are_judged(broken_run):
+    folder, jobs = broken_run
+    assert [job.error for (_, name), job in jobs.items() if not name.startswith("thirdparty:")] == [None] * 4
+    assert read_results(folder).complete
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_renderer_that_breaks_breaks_alone(broken_run, name):
+    _, jobs = broken_run
+    message, pressed = BREAKS[name]
     broken = jobs["slide", f"thirdparty:{name}"]
     assert message in str(broken.error)
     assert broken.error.exit_code == 3
     assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
-    assert sum(job.error is None for job in jobs.values()) == 4 + others
-    assert read_results(tmp_path / "out").complete
+    assert (jobs["press", f"thirdparty:{name}"].error is None) is pressed
     if name == "Crashes":
         assert f"it was in thirdparty.py, line {line_of('os.abort')}, in step" in broken.error.why
         assert broken.error.tick > 0

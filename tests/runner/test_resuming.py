@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
 import signal
 import sys
 import time
+from contextlib import contextmanager
 
 import many_jobs
 import pytest
@@ -21,38 +23,59 @@ from hapticeval.runner.resuming import OUTCOMES, read_outcomes
 RENDERERS = ("noisy:Noisy", "noisy:Other")
 
 
+@contextmanager
+def six_cases(folder):
+    """Make a folder with six cases and a module of renderers the current one."""
+    many_jobs.write(folder, 6)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.syspath_prepend(str(folder))
+        yield folder
+        sys.modules.pop("noisy", None)
+
+
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    """A folder with six cases and a module of renderers, the current one."""
-    many_jobs.write(tmp_path, 6)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    yield tmp_path
-    sys.modules.pop("noisy", None)
+def here(tmp_path):
+    with six_cases(tmp_path) as folder:
+        yield folder
 
 
 def run(output, *, workers=0, renderers=RENDERERS, suites="many.toml", **options):
     return api.run(list(renderers), suites=suites, output=output, workers=workers, **options)
 
 
-def some_of(here, lines):
-    """A folder in which a run was killed after so many outcomes, before it has written results of any of them."""
-    events = []
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    """A folder in which a run was killed after five outcomes, before it has written results of any of them."""
+    finished = []
 
     def stop(event):
-        events.append(event)
-        if sum(isinstance(each, JobFinished) for each in events) == lines:
+        finished.extend([event] * isinstance(event, JobFinished))
+        if len(finished) == 5:
             raise RuntimeError("killed")
 
-    with pytest.raises(RuntimeError):
-        run("out", watch=stop)
-    assert len(read_outcomes(here / "out")) == lines
+    with six_cases(tmp_path_factory.mktemp("begun")) as folder:
+        with pytest.raises(RuntimeError):
+            run("out", watch=stop)
+        return folder / "out"
+
+
+@pytest.fixture
+def folder(here, begun):
+    """The same, to go on with."""
+    shutil.copytree(begun, here / "out")
+    assert len(read_outcomes(here / "out")) == 5
     return here / "out"
 
 
-def test_what_was_finished_is_not_run_again_and_the_rest_is(here):
-    whole = many_jobs.found(run("whole").folder)
-    folder = some_of(here, 5)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What a run finds that is not killed."""
+    with six_cases(tmp_path_factory.mktemp("whole")):
+        return many_jobs.found(run("out").folder)
+
+
+def test_what_was_finished_is_not_run_again_and_the_rest_is(folder, whole):
     events = []
     run("out", resume=True, watch=events.append)
     assert events[0] == RunStarted(24, 12, kept_jobs=5, jobs_of={"many": 7})
@@ -71,9 +94,7 @@ def test_what_a_resumed_run_took_counts_what_it_took_before(here):
 
 
 @pytest.mark.parametrize("tail", [b'{"run": {"suite": "many", "ca', b"\n\n{}\n", b"\xff\x00\n"])
-def test_a_line_that_was_cut_or_damaged_is_no_outcome(here, tail):
-    whole = many_jobs.found(run("whole").folder)
-    folder = some_of(here, 5)
+def test_a_line_that_was_cut_or_damaged_is_no_outcome(folder, whole, tail):
     with (folder / OUTCOMES).open("ab") as file:
         file.write(tail)
     assert len(read_outcomes(folder)) == 5
@@ -82,9 +103,7 @@ def test_a_line_that_was_cut_or_damaged_is_no_outcome(here, tail):
     assert many_jobs.found(folder) == whole
 
 
-def test_a_job_whose_recording_is_gone_is_run_again(here):
-    whole = many_jobs.found(run("whole").folder)
-    folder = some_of(here, 5)
+def test_a_job_whose_recording_is_gone_is_run_again(folder, whole):
     next((folder / "recordings").rglob("*.h5")).unlink()
     events = []
     run("out", resume=True, watch=events.append)
@@ -96,12 +115,11 @@ def test_where_nothing_was_begun_it_begins(here):
     assert run("out", resume=True).complete
 
 
-def test_without_it_a_run_begins_anew(here):
-    some_of(here, 5)
+def test_without_it_a_run_begins_anew(folder):
     events = []
     run("out", watch=events.append)
     assert events[0].kept_jobs == 0
-    assert not (here / "out" / OUTCOMES).exists()
+    assert not (folder / OUTCOMES).exists()
 
 
 @pytest.mark.parametrize(
@@ -114,15 +132,13 @@ def test_without_it_a_run_begins_anew(here):
         {"shard": "1/2"},
     ],
 )
-def test_another_run_is_not_gone_on_with(refused, here, changes):
-    some_of(here, 2)
+def test_another_run_is_not_gone_on_with(refused, folder, changes):
     with refused(InputError):
         run("out", resume=True, **changes)
-    assert len(read_outcomes(here / "out")) == 2
+    assert len(read_outcomes(folder)) == 5
 
 
-def test_nor_is_one_of_another_suite_or_version(refused, here):
-    folder = some_of(here, 2)
+def test_nor_is_one_of_another_suite_or_version(refused, here, folder):
     text = (folder / "results.json").read_text()
     (folder / "results.json").write_text(text.replace('"hapticeval": "', '"hapticeval": "9.'))
     with refused(InputError):
@@ -209,10 +225,9 @@ def test_a_run_that_was_killed_twenty_times_finds_what_it_would_have_found(here)
 
 
 @pytest.mark.usefixtures("in_process", "undrawn")
-def test_the_command_resumes(here, capsys):
-    some_of(here, 3)
+def test_the_command_resumes(folder, capsys):
     assert main(["run", "many.toml", *(f"-r{name}" for name in RENDERERS), "-o", "out", "--resume"]) in (0, 1)
     out, err = capsys.readouterr()
-    assert "12 runs, 24 verdicts planned, 3 runs of them finished before" in err
+    assert "12 runs, 24 verdicts planned, 5 runs of them finished before" in err
     assert "24 of 24 planned verdicts ran" in out
     assert main(["run", "many.toml", "-rnoisy:Noisy", "-o", "out", "--resume"]) == 2
