@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 
 
 def entries_of(group: str) -> tuple[EntryPoint, ...]:
@@ -14,9 +14,14 @@ def entries_of(group: str) -> tuple[EntryPoint, ...]:
 
 
 @lru_cache(maxsize=16)
-def _entries_in(folders: tuple[str, ...], group: str) -> tuple[EntryPoint, ...]:  # noqa: ARG001
+def _entries_in(folders: tuple[str, ...], group: str) -> tuple[EntryPoint, ...]:
+    return tuple(_all_entries_in(folders).select(group=group))
+
+
+@lru_cache(maxsize=4)
+def _all_entries_in(folders: tuple[str, ...]) -> EntryPoints:  # noqa: ARG001
     # Looked through once (20 ms) for a sys.path: a test or a notebook that adds a folder sees its entry points too.
-    return tuple(entry_points(group=group))
+    return entry_points()
 
 
 def by_name(entries: Iterable[EntryPoint]) -> dict[str, EntryPoint]:
