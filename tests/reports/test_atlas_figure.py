@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,7 @@ SCENE = Scene(
 )  # fmt: skip
 
 
+@cache
 def round_the_meridian(name):
     angle = np.linspace(0.0, np.pi, 50)
     around = 0.1 * np.column_stack([np.cos(angle), np.zeros(50), np.sin(angle)])

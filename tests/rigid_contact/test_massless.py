@@ -1,5 +1,7 @@
 """The god-object is the ideal contact of a tool without mass, on bodies that move too; and what is off is seen."""
 
+from functools import cache
+
 import pytest
 from massless import compare
 
@@ -7,15 +9,12 @@ from hapticeval.discovery import resolve
 from hapticeval.renderer import Response
 from hapticeval.search.drawing import draw_cases
 
-CASES = {
-    dimension: next(
-        case
-        for case in draw_cases((), ("continuous-contact",), 3, dimension=dimension, moving=True)
-        if abs(case.scene["motion"].get("rate", 0.0)) > 0.5  # turns a second
-    )
-    for dimension in (2, 3)
-}
-"""A body that spins in the plane, a star, and one in space, a cube."""
+
+@cache
+def turning_body(dimension):
+    """A body that spins: in the plane a star, in space a cube."""
+    cases = draw_cases((), ("continuous-contact",), 3, dimension=dimension, moving=True)
+    return next(case for case in cases if abs(case.scene["motion"].get("rate", 0.0)) > 0.5)  # turns a second
 
 
 class Spoiled:
@@ -49,7 +48,7 @@ CHANGES = {
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("name", CHANGES)
 def test_the_god_object_is_the_ideal_contact_without_mass(name, dimension):
-    case = CASES[dimension]
+    case = turning_body(dimension)
     scene = case.build_scene()
     change, stale = CHANGES[name]
     agreement = compare(
