@@ -108,6 +108,12 @@ def undrawn(monkeypatch):
 
 
 @pytest.fixture
+def unpictured(monkeypatch):
+    """`inspect` draws no picture, which takes ten times as long as all that is found; other tests look at it."""
+    monkeypatch.setattr("hapticeval.reports.integrity_figure.write_integrity", lambda *_, **__: [])
+
+
+@pytest.fixture
 def in_process(monkeypatch):
     """Commands judge and report in this process, where the kernels are loaded; for tests that are not of processes."""
     for module in ("api", "runner.execution", "workers"):

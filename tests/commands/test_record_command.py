@@ -218,7 +218,7 @@ def test_in_simulated_time_the_same_command_gives_the_same_recording(here):
         np.testing.assert_array_equal(values, other.channels[name], err_msg=name)
 
 
-def test_what_it_writes_is_sound_and_follows(here, capsys):
+def test_what_it_writes_is_sound_and_follows(unpictured, here, capsys):
     assert driven("mycard:Fine", seconds="1.5") == 0
     capsys.readouterr()
     assert main(["inspect", "run.h5"]) == 0, capsys.readouterr().out
@@ -341,7 +341,7 @@ def test_joint_angles_need_two_lines_of_wiring(here):
     assert run.signals["raw"].unit == "rad"
 
 
-def test_a_unit_that_is_wrong_points_to_the_wiring(here, capsys):
+def test_a_unit_that_is_wrong_points_to_the_wiring(unpictured, here, capsys):
     """Radians under a wiring for counts: the hand of a robot that moves does not."""
     assert driven("mycard:Radians", "--model", "line") in (0, 1)
     main(["inspect", "run.h5"])

@@ -25,7 +25,7 @@ def run(rows=ROWS):
     return Recording.clocked(Clock(1_000_000 * np.arange(rows)), channels, META)
 
 
-def test_a_journal_becomes_a_recording_and_reports_what_is_lost(here, capsys):
+def test_a_journal_becomes_a_recording_and_reports_what_is_lost(unpictured, here, capsys):
     data = b"".join(journal_of(run(), size=50, closed=False))
     (here / "run.journal").write_bytes(data[: int(0.6 * len(data))])
     assert main(["convert", "run.journal", "-o", "run.h5"]) == 1

@@ -102,7 +102,7 @@ def test_every_chart_is_data_of_finite_numbers_and_is_drawn_into_a_file_too(kind
     assert len(lines) == len(chart.curves)
 
 
-def test_the_page_shows_effects_where_there_are_any(tmp_path, monkeypatch):
+def test_the_page_shows_effects_where_there_are_any(in_process, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rung.toml").write_text(SUITE)
     main(["run", "rung.toml", "-r", "minimum-distance", "-o", "results"])
