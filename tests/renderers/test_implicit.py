@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hand_paths import ticked, walks
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
@@ -56,6 +56,7 @@ def test_a_grid_of_a_few_nodes_is_refused(refused):
 @pytest.mark.parametrize("grid", GRIDS, ids=["plane", "space"])
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1))
+@example(seed=3068826)
 def test_the_true_gradient_is_conservative_and_the_unit_normal_is_not_where_the_slope_is_not_one(grid, seed):
     """Round a closed way the work of -K phi grad phi is that of the potential K phi^2 / 2: none."""
     rng = np.random.default_rng(seed)
@@ -66,9 +67,12 @@ def test_the_true_gradient_is_conservative_and_the_unit_normal_is_not_where_the_
     hips[:, 0] += 0.01 * np.cos(angle)
     hips[:, 1] += 0.01 * np.sin(angle)
     _, forces = led(model, hips, "gradient", "grid", grid=float(24 if model.dimension == 3 else 40))
-    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0))
-    crossed = np.sum(np.abs(np.sum(forces[1:] * np.diff(hips, axis=0), axis=1)))
-    assert abs(work) <= 2e-3 * crossed
+    steps = np.diff(hips, axis=0)
+    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * steps)
+    crossed = np.sum(np.abs(np.sum(forces[1:] * steps, axis=1)))
+    # Along a level of phi nothing crosses but what the force is rounded by, over the way.
+    rounding = np.finfo(float).eps * np.sum(np.linalg.norm(forces[1:], axis=1) * np.linalg.norm(steps, axis=1))
+    assert abs(work) <= 2e-3 * crossed + rounding
 
 
 @pytest.mark.parametrize("model", [circle(), sphere()], ids=lambda model: model.name)
