@@ -71,6 +71,24 @@ def free_where(there: Callable[[Tick], bool]) -> Fault:
     return lambda tick: free(tick) if there(tick) else (tick.ihip, tick.force)
 
 
+def right(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    return tick.ihip, tick.force
+
+
+def late_force(fault: Fault, ticks: float) -> Fault:
+    """What `fault` makes of an answer, with the force so many ticks late, or between two."""
+
+    def late(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+        ihip, force = fault(tick)
+        past = tick.memory.setdefault("past", [])
+        past.append(force)
+        whole, share = divmod(ticks, 1.0)
+        one, two = (past[max(0, len(past) - 1 - int(whole) - more)] for more in (0, 1))
+        return ihip, (1.0 - share) * one + share * two
+
+    return late
+
+
 def trails(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
     """In free space the proxy goes a twentieth of the way to the hand at each tick; there is no force there."""
     proxy = tick.memory.setdefault("proxy", tick.hip)

@@ -112,3 +112,16 @@ class Interrupted(Field):
         self.ticks += 1
         response = super().step(hip, velocity, dt)
         return Response(hip, np.zeros_like(hip)) if self.ticks // 300 % 2 else response
+
+
+class Kicking(Field):
+    """Pushes 30 N more in the first three ticks of a contact. Wrong."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.ticks = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        response = super().step(hip, velocity, dt)
+        size = float(np.linalg.norm(response.force))
+        self.ticks = self.ticks + 1 if size else 0
+        return Response(hip, response.force * (1.0 + 30.0 / size)) if 0 < self.ticks <= 3 else response

@@ -58,9 +58,6 @@ FAULTS: dict[str, Fault] = {
 }
 """Fault: what it does to the force. All but the last are off by a factor of two or more somewhere."""
 
-MUSTS = tuple(name for name in FAULTS if name != "by-place")
-"""Those that a must stops, whatever the renderer declares."""
-
 
 def faulty(name: str) -> Callable[[Scene], Any]:
     """Return the factory of a spring that declares nothing, with one of the faults."""

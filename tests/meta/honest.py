@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.renderer import AnyRenderer, RendererFactory, Response, wrapped
+from hapticeval.renderer import AnyRenderer, Declaration, RendererFactory, Response, wrapped
 from hapticeval.scene import Scene
 
 STANDOFF = 1e-4
@@ -164,6 +164,19 @@ def factory(name: str, inner: RendererFactory) -> Callable[[Scene], Changed]:
 
     def make(scene: Scene) -> Changed:
         return HONEST[name](scene, inner(scene))
+
+    if hasattr(inner, "supports"):
+        make.supports = inner.supports  # type: ignore[attr-defined]
+    return make
+
+
+def declaring(inner: Callable[[Scene], Any], **declared: Any) -> Callable[[Scene], Any]:
+    """Return the factory of what `inner` makes, which declares what is given in place of what it did."""
+
+    def make(scene: Scene) -> Any:
+        renderer = inner(scene)
+        renderer.declares = Declaration(**declared)
+        return renderer
 
     if hasattr(inner, "supports"):
         make.supports = inner.supports  # type: ignore[attr-defined]

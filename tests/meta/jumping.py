@@ -156,6 +156,14 @@ class Bends:
         return self.begun + self.at + self.length * math.copysign(abs(d) ** self.exponent, d)
 
 
+class SteepAndBroken(Bends):
+    """The same, and half a millimetre more on the far side."""
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        moved = super().__call__(s, tick, dt)
+        return moved + 0.5e-3 * (s > self.begun + self.at)
+
+
 class Rises:
     """A jump of 10 mm, rounded: at `at` metres from where it began it rises linearly over `over` metres of travel."""
 
@@ -241,4 +249,10 @@ def factory(
     name: str, kind: Callable[..., Renderer] = Moved, inner: Callable[[Scene], Renderer] | None = None
 ) -> Callable[[Scene], Renderer]:
     """A renderer factory for one of these rules."""
-    return lambda scene: kind(scene, (BROKEN | HONEST)[name], inner)
+    return led_by((BROKEN | HONEST)[name], kind, inner)
+
+
+def led_by(
+    rule: Callable[[], Rule], kind: Callable[..., Renderer] = Moved, inner: Callable[[Scene], Renderer] | None = None
+) -> Callable[[Scene], Renderer]:
+    return lambda scene: kind(scene, rule, inner)

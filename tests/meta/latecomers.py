@@ -134,6 +134,8 @@ def late(
     def changed(scene: Scene) -> Any:
         return kind(scene, make(scene), **ticks)
 
+    late_by = "-".join(f"{channel}-{number}-late" for channel, number in ticks.items())
+    changed.__name__ = "-".join(filter(None, [getattr(make, "__name__", "renderer"), kind.__name__, late_by]))
     if hasattr(make, "supports"):
         changed.supports = make.supports  # type: ignore[attr-defined]
     return changed

@@ -6,11 +6,13 @@ The faults are in the law, not in the recording: what the checks of Problem 7.1 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from hapticeval.renderer import Declaration, Response
+from hapticeval.discovery import resolve
+from hapticeval.renderer import Declaration, RendererFactory, Response
 from hapticeval.scene import Scene
 
 Fault = Callable[["Tick"], None]
@@ -118,3 +120,14 @@ def factory(name: str) -> Callable[[Scene], Stabilised]:
     """
     check, fault = LAWBREAKERS.get(name, ("closed-form", None))
     return lambda scene: Stabilised(scene, fault, claims=check == "closed-form")
+
+
+def other_gains(**factors: float) -> RendererFactory:
+    """Return the factory of our set stabilisation, made with gains that are so many times the scene's."""
+    ours = resolve("set-stabilisation")
+
+    def make(scene: Scene) -> Any:
+        return ours(replace(scene, **{gain: factor * getattr(scene, gain) for gain, factor in factors.items()}))
+
+    make.supports = ours.supports  # type: ignore[attr-defined]
+    return make

@@ -125,6 +125,7 @@ def of(kind, base="constraint"):
         return kind(resolve(base)(replace(scene, motion=None)))
 
     make.supports = {"moving", "plane", "space"}
+    make.__name__ = kind.__name__
     return make
 
 
@@ -134,28 +135,13 @@ class ThriceLate(Late):
     ticks = 3
 
 
-def late(scene: Scene):
+def late_in_body(scene: Scene):
     """Right: late by three ticks in the frame of the body."""
     still = replace(scene, motion=None)
     return AtRest(ThriceLate(still, resolve("constraint")(still)))
 
 
-late.supports = {"moving", "plane", "space"}
+late_in_body.supports = {"moving", "plane", "space"}
 
 DAMPED = "constraint+pp-v"
 """A law whose damper brakes along the surface too: its tangential drag is of the relative velocity."""
-
-WRONG = {
-    "pose of the last tick": (of(OfLastTick), "circle-slides", {"continuous-contact"}),
-    "rotation alone": (of(Turned), "circle-slides", {"contact-kept"}),
-    "translation alone": (of(Shifted), "star-notch-turns", {"contact-normal-force"}),
-    "force of the body": (of(ForceOfBody), "star-notch-turns", {"contact-normal-force"}),
-    "reset forgets the pose": (of(ForgetsPose), "star-begins-elsewhere", {"contact-kept"}),
-    "velocity of the world": (of(WorldsVelocity, DAMPED), "ellipse-laps", {"passivity"}),
-    "proxy left in the world": (lambda scene: Swept(scene, carried=False), "circle-comes", {"contact-kept"}),
-    "swept by the hand alone": (lambda scene: Swept(scene, by_hand=True), "circle-comes", {"contact-kept"}),
-}
-"""What is wrong: its factory, the case that stops it, and the checks by which it does."""
-
-RIGHT = {"sub-steps": of(SubStepped), "late by three ticks": late, "swept": Swept, "wrapped": of(AtRest)}
-"""What is right: its factory."""

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from broken import Fault, Make, Spoiled, Tick
-from honest import Changed
+from broken import Fault, Make, Tick, late_force, right, spoiled
+from honest import Changed, declaring
 from outsiders import LED, case
 
 from hapticeval.discovery import resolve
@@ -28,17 +28,6 @@ def low_passed(cutoff: float) -> Fault:
         before = tick.memory.get("force", np.zeros_like(tick.force))
         tick.memory["force"] = before + share * (tick.force - before)
         return tick.ihip, tick.memory["force"]
-
-    return fault
-
-
-def late_force(ticks: int) -> Fault:
-    """The force alone comes so many ticks late."""
-
-    def fault(tick: Tick) -> Answer:
-        past = tick.memory.setdefault("past", [])
-        past.append(tick.force)
-        return tick.ihip, past[max(0, len(past) - 1 - ticks)]
 
     return fault
 
@@ -66,8 +55,7 @@ def stiffer_with_depth(tick: Tick) -> Answer:
 
 def round_a(base: str, fault: Fault, **declared: Any) -> Make:
     """Return the factory of a right renderer with a `fault`, which declares a spring and what is given."""
-    kind = type("Declaring", (Spoiled,), {"declares": Declaration(**{"spring": Spring.ERROR, **declared})})
-    return lambda scene: kind(scene, resolve(base)(scene), fault)
+    return declaring(spoiled(fault, base), **{"spring": Spring.ERROR, **declared})
 
 
 class Ball(Changed):
@@ -168,7 +156,7 @@ RIGHT: Mapping[str, Right] = {
 LATE: Mapping[str, Make] = {
     "low-passed": round_a("constraint", low_passed(200.0)),
     "much-low-passed": round_a("constraint", low_passed(50.0)),
-    "eight-late": round_a("constraint", late_force(8)),
+    "eight-late": round_a("constraint", late_force(right, 8.0)),
 }
 """Renderers whose force outlasts the contact, and whose tool is with the hand in free space."""
 

@@ -139,7 +139,7 @@ def cushions(channels, true, scene, stimulus):
     struck = int(np.argmax(touching))
     if not isinstance(stimulus, Experiment) or scene.bilateral or struck == 0:
         return
-    normal = _normals(scene, true.ihip[struck : struck + 1])[0]
+    normal = scene.model.boundary.closest_point(true.ihip[struck : struck + 1]).normal[0]
     change = (true.velocity[struck + 1] - true.velocity[struck]) @ normal
     for k in range(1, 21):
         channels["velocity"][struck + k] -= (1.0 - k / 20.0) * change * normal

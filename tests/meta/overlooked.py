@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from broken import Fault, Make, Spoiled, Tick, spoiled
 from honest import Spring as Nearest
+from honest import declaring
 
 from hapticeval.discovery import resolve
-from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.renderer import Response, Spring
 from hapticeval.scene import Scene
 
 Answer = tuple[np.ndarray, np.ndarray]
@@ -56,16 +57,9 @@ def touches_outside(tick: Tick) -> Answer:
     return tick.hip + 2e-3 * normal, 2.0 * normal
 
 
-class Promising(Spoiled):
-    """A renderer with a fault and a declaration of its own."""
-
-    declares = Declaration(spring=Spring.ERROR)
-
-
 def promising(fault: Fault, **declared: Any) -> Make:
     """Return the factory of a nearest point with a fault, which declares what is given."""
-    kind = type("Promising", (Promising,), {"declares": Declaration(**declared)})
-    return lambda scene: kind(scene, resolve("minimum-distance")(scene), fault)
+    return declaring(spoiled(fault), **declared)
 
 
 def one_way(going_in: float, going_out: float) -> Fault:
@@ -93,20 +87,6 @@ def by_place(tick: Tick) -> Answer:
 def by_depth(tick: Tick) -> Answer:
     """The stiffness grows with the depth."""
     return tick.ihip, min(0.6 + 200.0 * float(np.linalg.norm(tick.ihip - tick.hip)), 1.8) * tick.force
-
-
-def late_force(fault: Fault, ticks: float) -> Fault:
-    """What `fault` makes of an answer, with the force so many ticks late, or between two."""
-
-    def late(tick: Tick) -> Answer:
-        ihip, force = fault(tick)
-        past = tick.memory.setdefault("past", [])
-        past.append(force)
-        whole, share = divmod(ticks, 1.0)
-        one, two = (past[max(0, len(past) - 1 - int(whole) - more)] for more in (0, 1))
-        return ihip, (1.0 - share) * one + share * two
-
-    return late
 
 
 def wears_off(tick: Tick) -> Answer:
@@ -213,6 +193,41 @@ def dragged(tick: Tick) -> Answer:
     return tick.ihip, tick.force - 2.0 * (tick.velocity - (tick.velocity @ normal) * normal)
 
 
+def remembers(tick: Tick) -> Answer:
+    """The contact point is dragged 3 mm behind where it came from."""
+    speed = float(np.linalg.norm(tick.velocity))
+    if not tick.inside or speed == 0.0:
+        return tick.ihip, tick.force
+    behind = tick.ihip - 3e-3 * tick.velocity / speed
+    return tick.scene.model.boundary.closest_point(behind[np.newaxis]).foot[0], tick.force
+
+
+def jumps_to_a_third_face(tick: Tick) -> Answer:
+    """Across the medial axis of a star's tip the contact point goes on to a third face."""
+    if not tick.inside or tick.ihip[0] >= 0.0:
+        return tick.ihip, tick.force
+    away = tick.scene.model.boundary.closest_point(np.array([[tick.ihip[0], -tick.ihip[1] - 0.1]])).foot[0]
+    return away, tick.scene.stiffness * (away - tick.hip)
+
+
+def pops_beside(tick: Tick) -> Answer:
+    """Beside the medial axis the contact point is rounded to 2 mm: pops that are shorter than the honest one."""
+    ihip = tick.ihip
+    if tick.inside and tick.hip[0] > 2e-3:
+        ihip = tick.scene.model.boundary.closest_point(2e-3 * np.round(ihip[np.newaxis] / 2e-3)).foot[0]
+    return ihip, tick.scene.stiffness * (ihip - tick.hip)
+
+
+def wanders(tick: Tick) -> Answer:
+    """The tool's place on the surface wanders by a micrometre a second; the force, which moves the hand, does not."""
+    return tick.ihip + 1e-6 * tick.time * tick.inside * np.eye(tick.hip.size)[0], tick.force
+
+
+def trembles(tick: Tick) -> Answer:
+    """In contact the force swings along x, by half a newton and ten times a second."""
+    return tick.ihip, tick.force + 0.5 * np.sin(20.0 * np.pi * tick.time) * tick.inside * np.eye(tick.hip.size)[0]
+
+
 class Lost(Spoiled):
     """1 kN on a hand that is not a number."""
 
@@ -266,6 +281,7 @@ class Overlooked:
     places: tuple[str, ...]
     check: str
     words: str
+    level: str = "must"
 
 
 PRESSES = ("field/press-and-leave",)
@@ -276,7 +292,9 @@ FREE = "N in free space: it is"
 OVERLOOKED: Mapping[str, Overlooked] = {
     "pushes-outside": Overlooked(spoiled(pushes_outside), PRESSES, "contact-kept", FREE),
     "pulls-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "contact-kept", FREE),
-    "draws-in-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by"),
+    "draws-in-from-outside": Overlooked(
+        spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by", ""
+    ),
     "pushes-from-afar": Overlooked(spoiled(pushes_from_afar), PRESSES, "contact-kept", FREE),
     "touches-outside": Overlooked(
         spoiled(touches_outside), PRESSES, "contact-kept", FREE + ".* outside of .*, with the tool 2 mm away from it"

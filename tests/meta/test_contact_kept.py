@@ -161,6 +161,37 @@ def test_a_new_contact_at_the_first_crossing_is_no_loss():
     assert CHECKS["contact-kept"](Runs(recording), scene).outcome is Outcome.PASS
 
 
+ROWS = np.array(
+    [
+        (0.01, 0.01, 0.0),  # free
+        (0.01, 0.03, 0.0),  # a tool that trails
+        (-0.01, 0.25, 0.0),  # and still does while the hand is in
+        (-0.01, 0.0, 0.0),  # a tool on the surface, given without a force
+        (-0.01, -0.01, 5.0),  # a force alone
+        (-0.01, -0.01, 1e-9),  # noise inside
+        (0.01, 0.01, 1e-9),  # and outside
+    ]
+)
+"""Heights of the hand and of the tool, m, and a force, N."""
+
+
+@pytest.mark.parametrize(
+    ("report", "contact", "trailing"),
+    [(None, [3, 4], [1, 2]), (0.0, [4], [1, 2]), (1.0, range(7), [])],
+    ids=["none", "denied", "claimed"],
+)
+def test_contact_is_what_is_reported_or_a_force_above_the_floor_or_a_tool_held_back(report, contact, trailing):
+    hip, ihip, force = (np.column_stack([np.zeros(7), column]) for column in ROWS.T)
+    run = recorded(hip, ihip, force, **({} if report is None else {"contact": np.full(7, report)}))
+    base = Observed(run, Scene(model=line()))
+    assert np.flatnonzero(base.contact).tolist() == list(contact)
+    assert np.flatnonzero(base.trailing).tolist() == trailing
+    held = Scene(model=line(), bilateral=True)
+    assert Observed(run, held).contact.all()
+    assert not Observed(run, held).trailing.any()
+    assert outcome("contact-kept", run, held) is Outcome.NOT_APPLICABLE
+
+
 class TestTrailing:
     def test_it_is_found_once_and_as_what_it_is(self):
         scene = Scene(model=line())
@@ -173,38 +204,6 @@ class TestTrailing:
         assert "off the surface" not in CHECKS["continuous-contact"](Runs(recording), scene).message
         assert Observed(recording, scene).trailing.any()
         assert not (Observed(recording, scene).contact & Observed(recording, scene).trailing).any()
-
-    def test_contact_is_what_is_given_so_or_a_force_above_the_floor(self):
-        """Rows: free, trailing outside, trailing while the hand is in, given without a force, a force alone, noise."""
-        hip = np.array([[0.0, 0.01], [0.0, 0.01], [0.0, -0.01], [0.0, -0.01], [0.0, -0.01], [0.0, 0.01]])
-        ihip = np.array([[0.0, 0.01], [0.0, 0.03], [0.0, 0.25], [0.0, 0.0], [0.0, -0.01], [0.0, 0.01]])
-        force = np.zeros((6, 2))
-        force[4, 1], force[5, 1] = 10.0, 1e-9
-        recording = Recording(DT * np.arange(6), {"hip": hip, "ihip": ihip, "force": force}, {"dt": DT})
-        scene = Scene(model=line())
-        assert Observed(recording, scene).contact.tolist() == [False, False, False, True, True, False]
-        assert Observed(recording, scene).trailing.tolist() == [False, True, True, False, False, False]
-        held = Scene(model=line(), bilateral=True)
-        assert Observed(recording, held).contact.all()
-        assert not Observed(recording, held).trailing.any()
-        assert CHECKS["contact-kept"](Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
-
-
-def test_contact_of_each_row():
-    """Rows: free; a force alone; a tool held back; the same with the hand outside; a tool on the hand inside."""
-    hip = np.array([[0.0, 0.01], [0.0, -0.01], [0.0, -0.01], [0.0, 0.01], [0.0, -0.01]])
-    ihip = np.array([[0.0, 0.01], [0.0, -0.01], [0.0, 0.0], [0.0, 0.02], [0.0, -0.01]])
-    force = np.array([[0.0, 0.0], [0.0, 5.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1e-9]])
-    scene, time = Scene(model=line()), DT * np.arange(5)
-
-    def told(*report: float) -> list[list[bool]]:
-        channels = {"hip": hip, "ihip": ihip, "force": force}
-        recording = Recording(time, channels | ({"contact": np.array(report)} if report else {}))
-        return [Observed(recording, scene).contact.tolist(), Observed(recording, scene).trailing.tolist()]
-
-    assert told() == [[False, True, True, False, False], [False, False, False, True, False]]
-    assert told(0, 0, 0, 0, 0) == [[False, True, False, False, False], [False, False, False, True, False]]
-    assert told(1, 1, 1, 1, 1) == [[True] * 5, [False] * 5]
 
 
 def test_a_hand_that_stays_outside_is_right_to_feel_nothing():

@@ -1,104 +1,26 @@
-"""A contact point that is not where the hand has it is stopped by a must, in the suites that are run by default too."""
+"""Where a contact point is under the hand: of any projection, by either face of an edge, and not when it is astray."""
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
-from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from jumping import HONEST
 from made import recorded
-from misplaced import ASTRAY, Hop, HopsWhileSlow, SinksWhileSlow, moved, single_hop, slowly
+from misplaced import ASTRAY
 from msgspec.structs import replace
 from outsiders import CASES
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import cube, ellipse, line, make_model
-from hapticeval.phenomena.check import Runs
+from hapticeval.geometry.catalogue import cube, ellipse, make_model
 from hapticeval.phenomena.measures.under_the_hand import find_aside
 from hapticeval.phenomena.observed import Observed
-from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import Closeup, play
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.moves import Move, Moves
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
-
-
-def finding_of(make, check: str, judged_in) -> Finding:
-    judged = judge(make, "misplaced", "s", replace(judged_in, checks=(check,)))
-    assert judged.error is None
-    return judged.verdicts[0].finding
-
-
-def led(make, path: Path, check: str = "continuous-contact", scene: Scene | None = None) -> Finding:
-    scene = FLAT if scene is None else scene
-    renderer = make(scene)
-    base = play(renderer, path, 1e-3, scene=scene)
-    look = Closeup.of(renderer, base, scene)
-    runs = Runs(base, refine=lambda k: play(renderer, path, 1e-3 / k, scene=scene), look=look)
-    return CHECKS[check](runs, scene)
-
-
-SHALLOW = load_suite("thesis").case("ellipse-slide")
-FLAT = Scene(model=line())
-FAST_AND_SLOW = Path(
-    np.array([0.0, 0.1, 0.3, 1.3, 1.5, 1.6, 1.8, 2.0]),
-    np.array([[-400, 10], [-300, -2], [-100, -2], [-90, -2], [110, -2], [110, -2], [310, -2], [410, 10]]) / 1000.0,
-)
-"""Under a line at 1 m/s, then for a second at 10 mm/s, on at 1 m/s, a rest, and on at 1 m/s."""
-
-
-@pytest.mark.system
-def test_a_single_hop_is_found_though_a_closer_look_begins_behind_it():
-    finding = finding_of(single_hop, "continuous-contact", SHALLOW)
-    assert finding.outcome is Outcome.FAIL, finding.message
-    assert finding.metric.value == pytest.approx(0.115e-3, rel=0.2)
-
-
-HOPS, SINKS = slowly(HopsWhileSlow), slowly(SinksWhileSlow)
-
-
-@pytest.mark.system
-@pytest.mark.parametrize(
-    ("make", "words"), [(HOPS, "pop-through"), (SINKS, "mm off the surface")], ids=["hops", "sinks"]
-)
-def test_what_a_slow_hand_shows_is_not_measured_by_its_fastest_step(make, words):
-    finding = led(make, FAST_AND_SLOW)
-    assert finding.outcome is Outcome.FAIL, finding.message
-    assert words in finding.message
-
-
-@pytest.mark.system
-@pytest.mark.parametrize("make", [HOPS, pytest.param(SINKS, marks=pytest.mark.slow)], ids=["hops", "sinks"])
-def test_nor_is_it_on_the_paths_that_are_drawn(make):
-    finding = finding_of(make, "continuous-contact", load_suite("generated").case("line-hand"))
-    assert finding.outcome is Outcome.FAIL, finding.message
-
-
-@pytest.mark.parametrize("rule", HONEST)
-def test_a_memory_is_no_jump_where_the_hand_stops_either(rule):
-    """What comes late, eases or relaxes goes on while the hand rests already."""
-    assert led(moved(HONEST[rule]), FAST_AND_SLOW).outcome is Outcome.PASS
-
-
-def test_a_hop_within_the_granted_lag_is_none():
-    """A tool that catches up with three ticks of the hand moves as far."""
-    assert led(Spring, FAST_AND_SLOW).outcome is Outcome.PASS
-    assert led(moved(partial(Hop, 0.2, 2e-3)), FAST_AND_SLOW).outcome is Outcome.PASS
-
-
-@pytest.mark.parametrize("name", ASTRAY)
-def test_a_contact_point_that_is_not_under_the_hand_is_no_end_of_its_path(name):
-    """Along the surface, without a jump, and on it."""
-    finding = finding_of(ASTRAY[name], "continuous-contact", CASES["slide"])
-    assert finding.outcome is Outcome.FAIL, finding.message
-    assert "not under the hand" in finding.message
 
 
 @pytest.mark.parametrize("name", ASTRAY)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from broken import Fault, Tick, free, spoiled
 from honest import Spring
+from outsiders import ThriceAsStiff
 from rubbing import Creeps, Rubbing, in_place_of
 from textured import Louder, Textured
 
@@ -157,14 +158,6 @@ def swirls(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
     return tick.ihip, tick.force + 0.2 * (ACROSS @ tick.force)
 
 
-class Stiff(Spring):
-    """Thrice as stiff as the scene asks for."""
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        self.stiffness *= 3.0
-
-
 class Slippery(Rubbing):
     """A kinetic friction a thirtieth below the scene's."""
 
@@ -243,7 +236,9 @@ UNVISITED: Mapping[str, Unvisited] = {
     "swirls-in-space": Unvisited(
         spoiled(swirls, Spring), ("hard-cases-loops/laps-torus", "hard-cases-loops/laps-niche"), "passivity"
     ),
-    "stiff-in-space": Unvisited(Stiff, ("hard-cases-loops/loop-torus", "hard-cases-loops/loop-niche"), "comes-to-rest"),
+    "stiff-in-space": Unvisited(
+        ThriceAsStiff, ("hard-cases-loops/loop-torus", "hard-cases-loops/loop-niche"), "comes-to-rest"
+    ),
     "shares-in-space": Unvisited(spoiled("shares", Spring), ("generated/l-block-restated",), "two-at-once"),
     "creeps-in-space": Unvisited(
         Creeps, ("effects-friction/sphere-held", "effects-friction/sphere-held-robot"), "friction-sticking"

@@ -1,4 +1,4 @@
-"""What checks say of recordings made by hand, number by number, and which failures follow from a declaration."""
+"""What checks of laps, of impulses, of shading and of the order of effects say of recordings made by hand."""
 
 from __future__ import annotations
 
@@ -20,84 +20,12 @@ from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import shading
 from hapticeval.phenomena.checks.transient import impulse_of
-from hapticeval.phenomena.decisions import (
-    IMPULSE_DECAYS,
-    IMPULSE_ROUNDING,
-    NOTABLE_FORCE_SHARE,
-)
-from hapticeval.phenomena.inherent import reason_inherent
+from hapticeval.phenomena.decisions import IMPULSE_DECAYS
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.verdict import Finding, Metric
 from hapticeval.recordings.recording import SINGLE
 from hapticeval.scene import Scene
 
 STEP = 1e-4
-SPRING = {"spring": "error"}
-MEMORYLESS = {"memory": "none"}
-
-
-class TestInherent:
-    def follows(self, check, declared, *, value=1.0, bound=0.1, outcome=FAIL, **evidence):
-        finding = Finding(outcome, "it fails", Metric("how far", value, "m"), bound, evidence)
-        return bool(reason_inherent(check, finding, declared))
-
-    @pytest.mark.parametrize(
-        ("impulse", "spring", "follows"),
-        [
-            (-0.01, None, False),
-            (0.0, None, True),
-            (1.0, None, True),
-            (1.01, None, False),
-            (1.0, 0.5, True),
-            (1.2 * (1.0 + 0.9 * IMPULSE_ROUNDING), 1.2, True),
-            (1.2 * (1.0 + 2.0 * IMPULSE_ROUNDING), 1.2, False),
-        ],
-    )
-    def test_a_spring_takes_a_momentum_of_1_N_s_by_and_by_and_no_more_than_its_depths_make(
-        self, impulse, spring, follows
-    ):
-        more = {} if spring is None else {"spring_impulse_Ns": spring}
-        numbers = {"impulse_in_window_Ns": impulse, "impulse_wanted_Ns": 1.0, **more}
-        assert self.follows("impulsive-collision", SPRING, **numbers, stopped_after_ms=3.0) is follows
-        assert not self.follows("impulsive-collision", SPRING, **numbers), "it is never stopped"
-        assert not self.follows("impulsive-collision", {}, **numbers, stopped_after_ms=3.0), "no spring is declared"
-        assert not self.follows("impulsive-collision", SPRING, impulse_in_window_Ns=impulse, stopped_after_ms=3.0)
-
-    @pytest.mark.parametrize(
-        ("value", "softest", "follows"), [(1.09, 1.0, True), (1.11, 1.0, False), (2.09, 0.5, True), (2.11, 0.5, False)]
-    )
-    def test_a_spring_sinks_by_the_centripetal_force_over_its_least_stiffness(self, value, softest, follows):
-        declared = {**SPRING, "stiffness_least": softest}
-        assert self.follows("centripetal-force", declared, value=value) is follows
-        if softest == 1.0:
-            assert self.follows("centripetal-force", SPRING, value=value) is follows
-        assert not self.follows("centripetal-force", declared, value=value, force_over_spring=3.0)
-        assert not self.follows("centripetal-force", {"stiffness_least": softest}, value=value)
-
-    def test_a_spring_along_the_error_turns_with_the_hand_in_a_corner(self):
-        assert self.follows("abrupt-switch", SPRING)
-        assert not self.follows("abrupt-switch", {"spring": "normal"})
-        assert not self.follows("abrupt-switch", SPRING, outcome=PASS)
-        assert not self.follows("abrupt-switch", SPRING, ended={}), "no theorem makes a loop run away"
-
-    @pytest.mark.parametrize(("value", "follows"), [(1.09e-3, True), (1.11e-3, False)])
-    def test_without_memory_the_point_jumps_as_far_as_the_nearest_one_does(self, value, follows):
-        numbers = {"value": value, "bound": 1e-4, "nearest_jump_m": 1e-3}
-        assert self.follows("continuous-contact", MEMORYLESS, **numbers, region="medial axis") is follows
-        assert not self.follows("continuous-contact", MEMORYLESS, **numbers, region="surface")
-        assert not self.follows("continuous-contact", {}, **numbers, region="medial axis")
-        for other in ("off_surface_m", "unexplained_jump_m"):
-            assert not self.follows("continuous-contact", MEMORYLESS, **numbers, region="medial axis", **{other: 1.0})
-
-    @pytest.mark.parametrize(
-        ("deepest", "region", "follows"),
-        [(0.0, "surface", True), (1e-3, "surface", False), (1e-3, "medial axis", True), (1.0, "surface", False)],
-    )
-    def test_without_memory_a_hand_that_has_come_through_belongs_to_the_other_side(self, deepest, region, follows):
-        numbers = {"deepest_m": deepest, "region": region}
-        assert self.follows("contact-kept", MEMORYLESS, kind="tunnelled", **numbers) is follows
-        assert not self.follows("contact-kept", MEMORYLESS, kind="let go", **numbers)
-        assert not self.follows("contact-kept", {}, kind="tunnelled", **numbers)
 
 
 def test_laps_that_are_in_contact_in_part_are_compared():
@@ -333,93 +261,3 @@ def test_a_check_names_siblings_that_there_are(check):
     for name in ("siblings", "needs"):
         with pytest.raises(UnknownNameError):
             replace(CHECKS[check], **{name: {"cousin": "of the first degree"}})
-
-
-class TestDropOut:
-    """A hand that is pushed hardest, by 3 N, in row 5: the HIP of the next one is missing."""
-
-    def judged(self, answer, after=(0.0, 1.0), *, peak=3.0, last=0.0):
-        base = slide()
-        force = np.array(base.force)
-        force[5, 1], force[11, 1] = peak, max(last, 1.0)
-        asked = []
-
-        def dropped_out(tick):
-            asked.append(tick)
-            return (None if answer is None else np.array(answer)), (None if after is None else np.array(after))
-
-        finding = found("drop-out", Runs(changed(base, force=force), dropped_out=dropped_out), LINE)
-        assert asked == [6], "the last row has none after it"
-        return finding
-
-    def test_a_refusal_for_that_tick_alone_passes_and_what_is_no_number_does_not(self):
-        refused = self.judged(None)
-        assert (refused.outcome, refused.evidence["refused"]) == (PASS, True)
-        assert "is refused" in refused.message
-        assert "gets no force" in self.judged((0.0, 0.0)).message
-        assert "gets a force that is no number" in self.judged((np.nan, 0.0)).message
-        assert "any more" in self.judged(None, (0.0, np.nan)).message
-        assert self.judged((0.0, 0.0), (0.0, np.inf)).outcome is FAIL
-        for_ever = self.judged(None, None)
-        assert for_ever.outcome is FAIL
-        assert "the next one is refused" in for_ever.message
-
-
-class TestReset:
-    def judged(self, *, force=0.0, ihip=0.0, rows=slice(None), share=1.0, hand=0.0, **scatter):
-        base = changed(slide(), meta=scatter)
-        later = np.arange(12)[:, np.newaxis] >= 4
-        again = changed(
-            base,
-            rows=rows,
-            hip=base.hip + hand * later,
-            ihip=base.ihip + ihip * later * [1.0, 0.0],
-            force=share * base.force + force * later * [1.0, 0.0],
-        )
-        return found("reset-clears", Runs(base, again=lambda: again), LINE)
-
-    def test_the_second_run_is_the_first_to_the_bit(self):
-        assert "to the bit" in self.judged().message
-        for change in ({"force": 1e-15}, {"ihip": 1e-18}):
-            assert self.judged(**change).outcome is FAIL
-
-    @pytest.mark.parametrize(
-        ("change", "name", "unit"),
-        [({"force": 0.5}, "force", "N"), ({"ihip": 1e-3}, "IHIP", "m"), ({"ihip": 1e-3, "force": 0.5}, "force", "N")],
-    )
-    def test_what_is_left_behind_is_told_with_its_size_and_first_tick(self, change, name, unit):
-        finding = self.judged(**change)
-        size = change["force" if unit == "N" else "ihip"]
-        assert (finding.metric.value, finding.metric.unit, finding.bound) == (pytest.approx(size), unit, 0.0)
-        assert finding.metric.name.startswith(name)
-        assert finding.evidence["first_tick"] == 4
-        assert f"off by up to {size:.3g} {unit}, first at tick 4" in finding.message
-        assert finding.evidence["ihip_apart_m"] == pytest.approx(change.get("ihip", 0.0))
-        assert finding.evidence["force_apart_N"] == pytest.approx(change.get("force", 0.0))
-
-    @pytest.mark.parametrize(("share", "words"), [(0.8, "20 per cent softer"), (1.3, "30 per cent stiffer")])
-    def test_a_force_that_is_softer_on_the_whole_is_told(self, share, words):
-        finding = self.judged(share=share)
-        assert words in finding.message
-        assert finding.evidence["force_ratio"] == pytest.approx(share)
-        near = 1.0 - 0.9 * NOTABLE_FORCE_SHARE
-        assert "per cent" not in self.judged(share=near).message
-
-    def test_runs_of_another_length_differ(self):
-        finding = self.judged(rows=slice(0, 9))
-        assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 9)
-        assert finding.message.endswith("; it has 9 ticks, and the first 12")
-
-    @pytest.mark.parametrize(("share", "outcome"), [(0.9, PASS), (1.1, FAIL)])
-    def test_a_declared_scatter_counts_up_to_a_tenth_of_the_force_and_a_fiftieth_of_the_model(self, share, outcome):
-        assert self.judged(force=0.05 * share, force_scatter=0.05).outcome is outcome
-        assert self.judged(force=0.1 * share, force_scatter=9.0).outcome is outcome
-        assert self.judged(ihip=4e-3 * share, ihip_scatter=1.0).outcome is outcome
-        if outcome is PASS:
-            assert "as nearly as the renderer declares" in self.judged(ihip=1e-5, ihip_scatter=1e-3).message
-
-    def test_with_a_scatter_a_hand_that_goes_another_way_ends_the_comparison(self):
-        away = {"hand": 1e-6, "force": 5.0}
-        assert self.judged(**away).outcome is FAIL
-        assert self.judged(**away, force_scatter=0.01).outcome is PASS
-        assert self.judged(rows=slice(0, 9), hand=1e-6, force_scatter=0.01).outcome is PASS

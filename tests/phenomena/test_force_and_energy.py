@@ -1,4 +1,4 @@
-"""Passivity, force magnitude and what a reset clears: what is broken is stopped, what is honest is not blamed."""
+"""Passivity and force magnitude: what is broken is stopped, and what is honest is not blamed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import sympy
 from broken import scaled, spoiled
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
+from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
 from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
@@ -171,21 +171,6 @@ def test_set_stabilisation_below_the_surface_does_the_work_of_its_curvature_forc
 # Laps
 
 
-def test_laps_are_found_both_ways_and_only_where_there_are_two():
-    hip = loop().sampled(1e-3)[1]
-    assert laps(hip, 0.2) == [(100, 200, 3), (700, 200, 3)]
-    assert laps(loop(lap=0.2004).sampled(1e-3)[1], 0.2) == [], "laps that miss each other's samples are none"
-    assert laps(np.zeros((500, 2)), 0.2) == [], "a hand at rest"
-    still = 1e-11 * np.tile(np.arange(26.0), 20)[:, np.newaxis] * [1.0, 0.0]
-    assert laps(still, 0.2) == [], "a hand that rests to a tenth of a nanometre"
-    there = np.linspace(0.0, 1.0, 101)[:, None] * [1.0, 0.0]
-    assert laps(np.vstack([there, there[::-1]]), 0.2) == [], "there and back is no lap"
-    assert laps(np.zeros((2, 2)), 0.2) == []
-    creeping = 1e-10 + 1e-11 * np.column_stack([np.abs(np.arange(200) % 10 - 5.0), np.zeros(200)])
-    assert laps(creeping, 0.2) == [], "a hand that stays at one point, as near as points are told apart"
-    assert laps(100.0 * creeping, 0.2) != []
-
-
 def drifting_laps(radius, gap):
     """Five laps of eight ticks round (10, 0) mm, each nearer to the origin by `gap` (m) than the one before."""
     ticks = np.arange(41)
@@ -272,22 +257,6 @@ def test_a_recording_that_cannot_be_refined_is_judged_by_itself():
 
 
 # The size of the force
-
-
-@pytest.mark.parametrize("spring", [None, Spring.ERROR])
-@pytest.mark.parametrize("name", [*honest.HONEST, "late-tool"])
-def test_what_is_honest_is_not_blamed(name, spring):
-    kind = honest.LateTool if name == "late-tool" else honest.HONEST[name]
-
-    def make(scene):
-        renderer = kind(scene, resolve("minimum-distance")(scene))
-        renderer.declares = None if spring is None else Declaration(spring=spring)
-        return renderer
-
-    asked = runs(make)
-    for check in ("passivity", "force-magnitude", "reset-clears"):
-        finding = found(check, asked, PLANE)
-        assert finding.outcome in ((PASS, UNDECIDED) if name == "force-only" else (PASS,)), finding.message
 
 
 @pytest.mark.parametrize("scheme", ["pp-v", "pp-d", "pp-pd", "square-root"])
@@ -420,48 +389,7 @@ def test_a_log_is_judged_to_the_steps_that_it_is_written_in(place_step, force_st
     assert finding.outcome is (PASS if gain == 1.0 else FAIL), finding.message
 
 
-# Resets and declarations
-
-
-def test_what_a_reset_leaves_is_named_by_its_size():
-    finding = found("reset-clears", runs(spoiled("wears")), PLANE)
-    assert finding.outcome is FAIL
-    assert "3 per cent softer" in finding.message
-    assert outcome("reset-clears", runs(resolve("minimum-distance")).base, PLANE) is NO
-
-
-def twice(scatter, off, *, parts_at=None, shorter=0):
-    """A press of 2 mm, and the same with a force `off` newtons larger; then the hand is elsewhere from a tick on."""
-    rest = np.zeros((100, 2))
-    hip = rest - np.array([0.0, 2e-3])
-    first = recorded(hip, rest, meta={"force_scatter": scatter})
-    other = np.array(hip)
-    if parts_at is not None:
-        other[parts_at:] -= 1e-3
-    force = first.force + np.array([0.0, off]) + (other != hip) * np.array([0.0, 1.0])
-    return Runs(first, again=lambda: changed(recorded(other, rest, force), rows=slice(0, 100 - shorter)))
-
-
-@pytest.mark.parametrize(
-    ("again", "expected", "metric"),
-    [
-        (twice(0.0, 0.0), PASS, 0.0),
-        (twice(0.0, 1e-12), FAIL, 1e-12),
-        (twice(0.01, 0.009), PASS, 0.009),
-        (twice(0.01, 0.02), FAIL, 0.02),
-        (twice(1e6, 0.19), PASS, 0.19),
-        (twice(1e6, 0.21), FAIL, 0.21),
-        (twice(0.01, 0.009, parts_at=50, shorter=10), PASS, 0.009),
-        (twice(0.01, 0.009, shorter=10), FAIL, 0.009),
-        (twice(0.0, 0.0, parts_at=50), FAIL, 1.0),
-    ],
-)
-def test_a_declared_scatter_is_allowed_up_to_a_tenth_of_the_force_and_where_the_hands_agree(again, expected, metric):
-    """The force is 2 N, so that of any scatter 0.2 N are believed."""
-    finding = found("reset-clears", again, PLANE)
-    assert finding.outcome is expected
-    assert finding.metric.value == pytest.approx(metric, rel=1e-3)
-    assert (finding.margin >= 0.0) or expected is FAIL
+# Declarations
 
 
 def test_a_declaration_is_metadata_of_the_recording(refused):
@@ -490,57 +418,6 @@ def test_loops_of_the_suite_lie_inside_their_models_and_begin_outside(kind):
     hip = case.build_stimulus(case.build_scene(), None).sampled(1e-3)[1]
     assert boundary.signed_distance(hip[[0, -1]]).min() > 5e-3
     assert boundary.signed_distance(hip[260:-260]).max() < -4e-3
-
-
-@pytest.mark.parametrize("rows", [slice(30, 31), slice(30, 100), slice(0, 1), slice(0, 100)])
-@pytest.mark.parametrize(("off", "named"), [((1e-6, 0.0), "IHIP"), ((0.0, 1e-6), "force"), ((1e-6, 1e-6), "force")])
-def test_from_which_tick_on_a_reset_leaves_something_is_told(rows, off, named):
-    first = twice(0.0, 0.0).base
-    ihip, force = np.array(first.ihip), np.array(first.force)
-    ihip[rows, 0] += off[0]
-    force[rows, 1] += off[1]
-    finding = found("reset-clears", Runs(first, again=lambda: changed(first, ihip=ihip, force=force)), PLANE)
-    assert finding.outcome is FAIL
-    assert finding.evidence["first_tick"] == rows.start
-    assert finding.metric.name.startswith(named)
-
-
-@pytest.mark.parametrize(
-    ("fresh_forces", "scatter", "cause"),
-    [
-        ((0.0, 0.0), 0.0, "left over"),
-        ((0.3, 0.3), 0.0, "left over"),
-        ((0.0, 1e-9), 0.0, "random"),
-        ((0.0, 0.009), 0.01, "left over"),
-    ],
-)
-def test_what_two_new_renderers_do_differently_is_random_and_left_by_no_reset(fresh_forces, scatter, cause):
-    first = twice(scatter, 0.0).base
-
-    def pressed(off):
-        return changed(first, force=first.force + np.array([0.0, off]))
-
-    runs = Runs(first, again=lambda: pressed(0.02), fresh=lambda number: pressed(fresh_forces[number - 1]))
-    finding = found("reset-clears", runs, PLANE)
-    assert (finding.outcome, finding.evidence["cause"]) == (FAIL, cause)
-    assert finding.message.startswith(
-        "it is random: the force of two new" if cause == "random" else "a reset leaves something"
-    )
-
-
-def test_a_contact_point_alone_may_be_random():
-    first = twice(0.0, 0.0).base
-
-    def placed(number):
-        return changed(first, ihip=first.ihip + np.array([1e-9 * number, 0.0]))
-
-    finding = found("reset-clears", Runs(first, again=lambda: placed(3), fresh=placed), PLANE)
-    assert finding.message.startswith("it is random: the IHIP of two new renderers, asked the same, is up to 1e-09 m")
-
-
-def test_a_second_run_that_ends_earlier_differs_from_where_it_ends():
-    finding = found("reset-clears", twice(0.0, 0.0, shorter=10), PLANE)
-    assert (finding.outcome, finding.evidence["first_tick"]) == (FAIL, 90)
 
 
 def test_a_tool_that_may_be_on_the_surface_yet_needs_no_force_and_may_not_pull():

@@ -159,8 +159,16 @@ class TestLaps:
         way = self.round(3, before=0)
         assert len(laps(way / 0.01 * radius, 0.2)) == count
 
-    def test_two_rows_have_no_way_that_closes(self):
-        assert laps(np.zeros((2, 2)), 0.2) == []
+    def test_a_hand_that_rests_or_goes_there_and_back_makes_none(self):
+        still = 1e-11 * np.tile(np.arange(26.0), 20)
+        there = np.linspace(0.0, 1.0, 101)
+        creeping = 1e-10 + 1e-11 * np.abs(np.arange(200) % 10 - 5.0)
+        for along in (np.zeros(2), np.zeros(500), still, creeping, np.append(there, there[::-1])):
+            assert laps(along[:, np.newaxis] * [1.0, 0.0], 0.2) == []
+
+    def test_laps_both_ways_are_two_runs(self):
+        both = np.vstack([self.round(3), self.round(3, before=0)[-2::-1]])
+        assert laps(both, 0.2) == [LapRun(3, 10, 3), LapRun(33, 10, 3)]
 
 
 class TestLag:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from honest import Spring
+from force_only import Field
+from honest import Spring, declaring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from latecomers import LateTool, late
@@ -12,11 +13,12 @@ from made import recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
-from hapticeval.phenomena.lag import Lag, delayed, least_misfit, resting_ticks
+from hapticeval.phenomena.lag import Lag, delayed, force_only_lag, least_misfit
 from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
+from hapticeval.suite.reading import load_suite
 
 DT = 1e-3
 ROUND, PLANE, BALL = (Scene(model=model, stiffness=1000.0) for model in (circle(), line(), sphere()))
@@ -115,19 +117,6 @@ def test_the_least_misfit_is_found_between_ticks(lag):
     assert least_misfit(lambda tried: abs(tried - lag)) == pytest.approx(lag, abs=1e-8)
 
 
-def test_values_between_rows_are_on_the_straight_way_and_ends_stay():
-    values = np.array([[0.0], [1.0], [3.0]])
-    assert delayed(values, np.arange(3)).tolist() == values.tolist()
-    assert delayed(values, np.arange(3), 0.75).ravel().tolist() == [0.0, 0.25, 1.5]
-    assert delayed(values, np.arange(3), -0.5).ravel().tolist() == [0.5, 2.0, 3.0]
-
-
-def test_a_tool_that_moves_in_every_third_tick_rests_for_two():
-    values = np.repeat([[0.0], [1.0], [2.0]], 3, axis=0)
-    assert resting_ticks(values).tolist() == [0, 1, 2, 0, 1, 2, 0, 1, 2]
-    assert resting_ticks(np.zeros((6, 2))).tolist() == [0, 1, 2, 3, 3, 3]
-
-
 @pytest.mark.parametrize("lag", [0.25, 1.0, 1.75, 3.0])
 def test_a_tool_deeper_than_a_hand_that_goes_straight_out_is_late_and_one_above_it_may_be_deep(lag):
     """In contact a depth is no misfit of an IHIP above the hand, and all of one below it is."""
@@ -136,3 +125,21 @@ def test_a_tool_deeper_than_a_hand_that_goes_straight_out_is_late_and_one_above_
     push = np.tile([0.0, 5.0], (200, 1))
     for hip, seen in ((out, lag), (out[::-1], 0.0)):
         assert Observed(recorded(hip, delayed(hip, rows, lag), push), PLANE).lag.ihip == pytest.approx(seen, abs=0.02)
+
+
+class Steeper(Field):
+    """A force that grows with the depth to the 1.5: no spring, linear or a root."""
+
+    def force(self, depth, normal):
+        return self.stiffness * 10.0 * depth**1.5 * normal
+
+
+@pytest.mark.parametrize("kind", [Field, Steeper])
+@pytest.mark.parametrize(("ticks", "lag"), [(0.0, 0), (0.4, 1), (2.0, 2), (3.0, 3)])
+def test_the_lag_of_a_force_alone_is_that_at_which_a_spring_from_the_nearest_point_fits_best(kind, ticks, lag):
+    case = load_suite("thesis").case("cassinian-loops")
+    scene = case.build_scene()
+    renderer = declaring(late(kind, force=ticks), force_only=True)(scene)
+    recording = play(renderer, case.build_stimulus(scene, renderer), scene.sampling_time)
+    base = Observed(recording, scene).with_nearest_points
+    assert force_only_lag(base.recording, base.pressed) == lag

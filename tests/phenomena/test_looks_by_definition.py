@@ -13,7 +13,6 @@ from test_helpers_by_definition import LINE, slide
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.relations import relation_finding
-from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.decisions import HOLD_TICKS
 from hapticeval.phenomena.inherent import nearest_jump
 from hapticeval.phenomena.measures.crossings import length_to_next_corner
@@ -21,7 +20,6 @@ from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.measures.under_the_hand import followed_rows, may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed
-from hapticeval.quantity import format_number
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
 
@@ -153,30 +151,3 @@ def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():
         motion = SurfaceMotion(Observed(base, scene))
         assert motion.held_distance() == pytest.approx(HOLD_TICKS * turn * overshoot / 50.0, rel=1e-3)
         assert motion.held_distance(19) == 0.0
-
-
-class TestRenewal:
-    def sinking(self, step, *, every=1, follows=False, count=40, meta=None):
-        """A hand that sinks by `step` m in each tick, and a force that is renewed in every so many ticks."""
-        depth = 1e-3 + step * np.arange(count)
-        hip = np.column_stack([np.zeros(count), -depth])
-        ihip = np.column_stack([np.zeros(count), 1e-3 - depth if follows else np.zeros(count)])
-        force = np.column_stack([np.zeros(count), 1000.0 * depth[np.arange(count) // every * every]])
-        return recorded(hip, ihip, force, meta={"source": "playback", **(meta or {})})
-
-    def test_it_calls_for_none_along_a_face_nor_where_the_tool_goes_along(self):
-        assert not calls_for_another_force(Observed(changed(slide(), meta={"source": "playback"}), LINE)).any()
-        assert not calls_for_another_force(Observed(self.sinking(1e-4, follows=True), LINE)).any()
-        alone = changed(slide(), ihip=slide().hip, meta={"source": "playback"})  # a force and no contact point
-        assert not calls_for_another_force(Observed(alone, LINE)).any()
-
-    @pytest.mark.parametrize(("every", "outcome"), [(1, PASS), (2, FAIL), (3, FAIL)])
-    def test_a_force_stands_for_the_ticks_until_it_is_renewed(self, every, outcome):
-        finding = found("update-rate", self.sinking(1e-4, every=every), LINE)
-        assert finding.outcome is outcome
-        assert finding.metric.value == pytest.approx(1e-3 * every)
-        assert finding.bound == pytest.approx(1.5e-3)
-        assert finding.evidence["rate_Hz"] == pytest.approx(1e3 / every)
-        assert f"renewed at {format_number(1e3 / every, 3)} Hz" in finding.message
-        assert finding.evidence["ticks_called_for"] == 39
-        assert ("the scene's loop runs at 1000 Hz" in finding.message) is (outcome is FAIL)
