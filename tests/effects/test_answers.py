@@ -10,7 +10,6 @@ import pytest
 from leading import led
 from made_up_effect import ENTRY, MAGNET_ENTRY, Magnet, Suction
 
-from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects import catalogue
 from hapticeval.effects.catalogue import EFFECTS
@@ -22,11 +21,8 @@ from hapticeval.effects.transients import ContactImpulse, ContactTransient, Reco
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.renderer import wrapped
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer, put_on_answers
-from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment
 
 MODELS = ("circle", "star", "cassinian", "sphere")
 
@@ -110,20 +106,6 @@ def test_an_effect_is_put_on_known_answers_in_python_too():
     python = replace(scene, model=replace(scene.model, boundary=Interpreted(scene.model.boundary)))
     found, expected = (put_on_answers(suction, each, len(hips))(hips, *without) for each in (python, scene))
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
-
-
-def test_a_closed_loop_composes_the_laws():
-    """Compiled and asked tick by tick: the same bits."""
-    scene = scene_of("circle", Suction(0.2), device=Parallelogram2())
-    trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.05]), np.array([[0.0, -1.0]] * 2))
-    law = make_renderer(resolve("minimum-distance"), scene)
-    assert wrapped(law).law is not None
-    python = make_renderer(lambda scene: Python(resolve("minimum-distance")(scene)), scene)
-    assert wrapped(python).law is None
-    runs = [simulate_closed_loop(each, trial, scene, 1e-3) for each in (law, python)]
-    for name, values in runs[0].channels.items():
-        assert np.array_equal(values, runs[1].channels[name]), name
-    assert np.abs(runs[0].force).max() > 0.0
 
 
 class Interpreted:

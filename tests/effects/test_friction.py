@@ -12,7 +12,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from leading import led
 
-from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.friction import Friction
@@ -23,23 +22,15 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN_CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.renderer import Response, wrapped
+from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.experiments import build_path
-from hapticeval.stimulus.stimulus import Experiment, Hand, Path
+from hapticeval.stimulus.stimulus import Path
 
 DEPTH, STIFFNESS = 1e-3, 1000.0
 SQUARE = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.0], [0.0, 0.0], [0.0, 0.1], [-0.1, 0.1]]
-
-
-class Python:
-    """What a renderer answers, without what is compiled of it, or all at once."""
-
-    def __init__(self, renderer):
-        self.reset, self.step = renderer.reset, renderer.step
 
 
 def scene_of(kind, *effects, model=None, **more):
@@ -300,43 +291,7 @@ def test_a_surface_that_holds_from_both_sides_rubs_from_both(hip):
     np.testing.assert_allclose(forces[150:, 1], -1e3 * hip, rtol=1e-12)
 
 
-# The ways in which it runs
-
-
-@pytest.mark.parametrize("effects", [(Friction(0.5, 0.3),), (Friction(0.5, 0.3), ViscousFriction(2.0))])
-@pytest.mark.parametrize("kind", ["circle", "star", "sphere"])
-def test_step_run_and_python_give_the_same_bits(kind, effects):
-    scene = scene_of(kind, *effects)
-    dimension = scene.model.dimension
-    hips = np.zeros((300, dimension))
-    time = np.linspace(0.0, 1.0, 300)
-    hips[:, 0] = 0.105 - 0.05 * np.minimum(4.0 * time, 1.0)
-    hips[:, 1] = 0.01 * np.sin(20.0 * time) * np.maximum(time - 0.25, 0.0)
-    shown = make_renderer(resolve("minimum-distance"), scene)
-    found = led(shown, hips, 1e-3)
-    bare = make_renderer(lambda given: Python(resolve("minimum-distance")(given)), scene)
-    for renderer in (shown, bare):
-        renderer.reset(hips[0])
-        velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
-        steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
-        assert np.array_equal([each.ihip for each in steps], found[0])
-        np.testing.assert_allclose([each.force for each in steps], found[1], rtol=1e-12, atol=1e-12)
-
-
-def test_a_closed_loop_with_and_without_python_is_the_same():
-    scene = scene_of("circle", Friction(0.5, 0.3), device=Parallelogram2())
-    hand = Hand(path=Path(np.array([0.0, 0.1, 0.4]), np.array([[0.0, 0.1], [0.0, 0.095], [0.01, 0.095]])),
-                stiffness=200.0, damping=4.0)  # fmt: skip
-    trial = Experiment(0.4, np.array([0.0, 0.1005]), np.zeros(2), np.zeros(1), np.zeros((1, 2)), hand)
-    law = make_renderer(resolve("minimum-distance"), scene)
-    assert wrapped(law).law is not None
-    python = make_renderer(lambda given: Python(resolve("minimum-distance")(given)), scene)
-    runs = [simulate_closed_loop(each, trial, scene, 1e-3) for each in (law, python)]
-    for name, values in runs[0].channels.items():
-        assert np.array_equal(values, runs[1].channels[name]), name
-    slid = np.diff(runs[0].ihip[200:], axis=0)
-    assert np.any(slid)
-    assert not np.all(np.any(slid, axis=1))
+# What is refused
 
 
 @pytest.mark.parametrize(

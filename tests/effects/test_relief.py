@@ -11,7 +11,6 @@ import pytest
 from leading import led
 from numpy.polynomial.legendre import leggauss
 
-from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
 from hapticeval.effects.catalogue import make_effect
@@ -21,8 +20,6 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.case import Case
 
 HIGH, WAVE, STIFFNESS = 20e-6, 0.5e-3, 1000.0
@@ -161,34 +158,6 @@ def test_the_base_s_damper_is_kept(scheme):
     raised_spring = led(rendered(HeightMap(**SINE), model), hips, 1e-3)[1]
     assert np.abs(bare - spring).max() > 1e-3
     np.testing.assert_allclose(raised - raised_spring, bare - spring, atol=1e-14)
-
-
-@pytest.mark.parametrize("effect", [HeightMap(**SINE), BumpMap(wavelength=1e-3, profile=PROFILE)])
-@pytest.mark.parametrize("kind", ["line", "circle", "sphere"])
-def test_run_step_and_a_closed_loop_give_the_same_bits(effect, kind):
-    model = make_model(kind)
-    size = model.dimension
-    renderer = rendered(effect, model)
-    start = np.zeros(size)
-    start[1] = model.boundary.bounds[size + 1] if kind != "line" else 0.0
-    hips = np.tile(start, (200, 1))
-    hips[:, 0] = 5e-5 * np.arange(200)
-    hips[:, 1] -= 1e-3 * np.sin(np.arange(200) / 25)
-    found = led(renderer, hips, 1e-3)
-    renderer.reset(hips[0])
-    velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
-    steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
-    assert np.array_equal([each.force for each in steps], found[1])
-    assert np.array_equal([each.ihip for each in steps], found[0])
-    if size == 2:
-        scene = Scene(model=model, effects=(effect,), device=Parallelogram2())
-        trial = Experiment(0.05, start, np.zeros(2), np.zeros(1), np.array([[0.2, -1.0]]))
-        loop = simulate_closed_loop(make_renderer(resolve("minimum-distance"), scene), trial, scene, 1e-3)
-        again = make_renderer(resolve("minimum-distance"), scene)
-        again.reset(loop.hip[0])
-        forces = [again.step(hip, np.zeros(2), 1e-3).force for hip in loop.hip]
-        assert np.array_equal(forces, loop.force)
-        assert np.abs(loop.force).max() > 0.01
 
 
 class Aside:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,12 +16,9 @@ from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import spread_over_sphere
 from hapticeval.geometry.catalogue import make_model, star
 from hapticeval.geometry.solids import icosphere, prism
-from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment
 
 RADIUS, STIFFNESS = 0.1, 1000.0
 
@@ -173,28 +169,6 @@ def test_the_force_turns_without_a_jump_through_a_notch(crease):
     directions = unit(force)
     turn = np.arccos(np.clip(np.sum(directions[1:] * directions[:-1], axis=1), -1.0, 1.0))
     assert turn.max() < 0.02
-
-
-@pytest.mark.parametrize("name", ["minimum-distance", "constraint", "minimum-distance+pp-pd"])
-def test_steps_a_path_and_a_closed_loop_give_the_same_bits(name):
-    scene = shaded(regular(8), 60.0, damping=1.0, mass=0.3)
-    hips = np.column_stack([np.linspace(0.11, 0.088, 200), np.linspace(-0.03, 0.03, 200)])
-    renderer = make_renderer(resolve(name), scene)
-    ihips, forces = led(renderer, hips, 1e-3)
-    renderer.reset(hips[0])
-    velocity = backward_difference(hips, 1e-3 * np.arange(len(hips)))
-    for k, (hip, speed) in enumerate(zip(hips, velocity, strict=True)):
-        ihip, force = renderer.step(hip, speed, 1e-3)
-        assert np.array_equal(ihip, ihips[k])
-        assert np.array_equal(force, forces[k]), k
-    trial = Experiment(0.2, np.array([0.0, 0.0925]), np.array([0.1, 0.0]), np.array([0.0]), np.array([[0.0, -1.0]]))
-    loops = []
-    for compiled in (True, False):
-        made = make_renderer(resolve(name), scene)
-        loops.append(simulate_closed_loop(made if compiled else replace(made, law=None), trial, scene, 1e-3))
-    for channel, values in loops[0].channels.items():
-        assert np.array_equal(values, loops[1].channels[channel]), channel
-    assert np.abs(loops[0].force[:, 0]).max() > 0.0
 
 
 @pytest.mark.parametrize("kind", ["circle", "line", "dumbbell", "sphere"])

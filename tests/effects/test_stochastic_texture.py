@@ -14,7 +14,6 @@ from leading import led
 from msgspec import structs
 from scipy.signal import welch
 
-from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects import texture_kernels as kernels
 from hapticeval.effects import texture_toolkit
@@ -36,11 +35,8 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.examples.studies.texture import as_toml
 from hapticeval.examples.studies.texture import main as show_texture
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.recordings.recording import backward_difference
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment
 
 RIBBED = {"mass": 0.5, "texture": "ribbed"}
 
@@ -157,30 +153,6 @@ def test_between_is_the_kernels_filter_and_nearest_on_the_hull_outside():
     assert outside == corner
     assert texture.between(0.3, 1.2).force == pytest.approx(1.2)
     assert texture.between(0.3, 1.2).speed == pytest.approx(0.2)
-
-
-@pytest.mark.parametrize("base", ["minimum-distance", "constraint", "mapping"])
-@pytest.mark.parametrize("direction", ["along", "normal"])
-def test_run_step_reset_and_closed_loop_give_the_same_bits(base, direction):
-    renderer = rendered("circle", base, direction=direction)
-    angle = np.linspace(0.0, 0.4, 300)
-    hips = (0.1 - 1e-3 * np.sin(6 * angle))[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)])
-    found = led(renderer, hips, 1e-3)
-    velocities = backward_difference(hips, 1e-3 * np.arange(300))
-    for _ in range(2):
-        renderer.reset(hips[0])
-        steps = [renderer.step(hip, velocity, 1e-3) for hip, velocity in zip(hips, velocities, strict=True)]
-        assert np.array_equal([each.force for each in steps], found[1])
-    assert not np.array_equal(found[1], led(rendered("circle", base, direction=direction, seed=2), hips, 1e-3)[1])
-    effects = (StochasticTexture(**RIBBED, direction=direction),)
-    scene = Scene(model=make_model("circle"), effects=effects, device=Parallelogram2())
-    start, push = np.array([0.0, 0.0999]), np.array([[0.3, -1.0]])
-    trial = Experiment(0.06, start, np.array([0.05, 0.0]), np.zeros(1), push)
-    loop = simulate_closed_loop(make_renderer(resolve(base), scene), trial, scene, 1e-3)
-    again = make_renderer(resolve(base), scene)
-    again.reset(loop.hip[0])
-    asked = [again.step(hip, v, 1e-3).force for hip, v in zip(loop.hip, loop.velocity, strict=True)]
-    assert np.array_equal(asked, loop.force)
 
 
 def test_the_way_of_the_vibration():

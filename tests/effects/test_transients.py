@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from hapticeval.effects.transients import MATERIALS, ContactImpulse, ContactTran
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -229,34 +228,6 @@ def test_each_contact_has_one_that_ends_with_it(effect, base):
 def test_a_run_that_begins_in_contact_has_no_beginning_of_it(effect):
     hips = into(0.1)[::-1]
     assert not added(effect, hips)[0].any()
-
-
-@pytest.mark.parametrize("effect", ALL, ids=lambda each: each.kind)
-@pytest.mark.parametrize(
-    ("model", "device"), [("line", None), ("line", Parallelogram2()), ("sphere", Parallelogram3())]
-)
-def test_steps_a_path_and_a_closed_loop_give_the_same_bits(effect, model, device):
-    scene = Scene(model=make_model(model), effects=(effect,), device=device)
-    size = scene.model.dimension
-    hips = np.zeros((120, size))
-    hips[:, -1] = (0.1 if size == 3 else 0.0) + taps(2, 60)[:, 1]
-    renderer = make_renderer(resolve("minimum-distance"), scene)
-    whole = led(renderer, hips, 1e-3)
-    assert np.array_equal(led(renderer, hips, 1e-3), whole)
-    renderer.reset(hips[0])
-    velocity = backward_difference(hips, 1e-3 * np.arange(len(hips)))
-    steps = [renderer.step(hip, speed, 1e-3) for hip, speed in zip(hips, velocity, strict=True)]
-    assert np.array_equal([ihip for ihip, _ in steps], whole[0])
-    assert np.array_equal([force for _, force in steps], whole[1])
-    start, speed = np.zeros(size), np.zeros(size)
-    start[-1], speed[-1] = (0.1 if size == 3 else 0.0) + 0.002, -SPEED
-    trial = Experiment(0.06, start, speed, np.zeros(1), np.zeros((1, size)))
-    loops = []
-    for compiled in (True, False):
-        made = make_renderer(resolve("minimum-distance"), scene)
-        loops.append(simulate_closed_loop(made if compiled else replace(made, law=None), trial, scene, 1e-3))
-    for channel, values in loops[0].channels.items():
-        assert np.array_equal(values, loops[1].channels[channel]), channel
 
 
 @pytest.mark.parametrize(

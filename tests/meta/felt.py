@@ -10,10 +10,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import latecomers
 import numpy as np
 import rubbing
-from honest import Late, Single, Spring
+from honest import Spring, factory
+from latecomers import late
 from msgspec import structs
 from outsiders import Outsider
 
@@ -241,23 +241,15 @@ class Composed:
         return replace(bare, renderer=shown, supports=cls.supports)
 
 
-def _late(scene: Scene, make: Any, ticks: int) -> Any:
-    return type("LateFelt", (Late,), {"ticks": ticks})(scene, make(scene))
-
-
-def _between_ticks(scene: Scene, make: Any, **ticks: float) -> Any:
-    return latecomers.Latecomer(scene, make(scene), **ticks)
-
-
 def changed(make: Any) -> dict[str, Any]:
     """Return right renderers as real ones differ: late in whole ticks and between, one channel, in single precision."""
     return {
         "": make,
-        "-late": partial(_late, make=make, ticks=3),
-        "-late-between": partial(_between_ticks, make=make, ihip=1.5, force=1.5),
-        "-force-late": partial(_between_ticks, make=make, force=1.0),
-        "-ihip-late": partial(_between_ticks, make=make, ihip=1.0),
-        "-single": lambda scene: Single(scene, make(scene)),
+        "-late": factory("late-3", make),
+        "-late-between": late(make, ihip=1.5, force=1.5),
+        "-force-late": late(make, force=1.0),
+        "-ihip-late": late(make, ihip=1.0),
+        "-single": factory("single", make),
     }
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
+import honest
 import numpy as np
 from msgspec import structs
 from outsiders import Outsider
@@ -111,12 +111,6 @@ class Deaf(Textured):
             self.right = with_effects(inner, scene.with_effects(replace(effect, texture=texture)))
 
 
-def _late(ticks: int, scene: Scene) -> Textured:
-    from honest import Late
-
-    return type("LateTextured", (Late,), {"ticks": ticks})(scene, Textured(scene))
-
-
 FAILS: Mapping[str, tuple[type[Textured], dict[str, str], tuple[str, ...]]] = {
     "flattens": (Flattens, {"texture-work": "the slope of the bare surface"}, ("height-map-circle",)),
     "louder": (Louder, {"texture-spectrum": "1 dB too much"}, STROKES),
@@ -128,7 +122,7 @@ BROKEN: Mapping[str, Outsider] = {name: Outsider(make, fails, cases) for name, (
 
 HONEST: Mapping[str, Outsider] = {
     "textured": Outsider(Textured, cases=tuple(SHOWN)),
-    "late-textured": Outsider(partial(_late, 3), cases=tuple(SHOWN)),
+    "late-textured": Outsider(honest.factory("late-3", Textured), cases=tuple(SHOWN)),
 }
 """Those that show it right, and late: no check may blame them."""
 

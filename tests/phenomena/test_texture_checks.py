@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from asked import verdicts
 from msgspec import structs
+from outsiders import case
 from scipy.signal import lfilter, welch
 from textured import variance_of_mean_square
 
 from hapticeval.discovery import resolve
-from hapticeval.documents import convert
 from hapticeval.effects.line_spectra import coefficients_of, line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import Filter, Texture, as_document, autocovariance
@@ -21,9 +22,7 @@ from hapticeval.phenomena.decisions import WELCH_WINDOW
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.renderer import wrapped
-from hapticeval.runner.judging import judge
 from hapticeval.simulation.answers import with_effects
-from hapticeval.suite.case import Case
 
 TEXTURES = ("texture-spectrum", "texture-stationary", "texture-amplitude")
 STROKE = {"kind": "points", "points": [[0.0, -1e-3], [1.05, -1e-3]], "duration": 10.5}
@@ -31,13 +30,9 @@ RIBBED = {"kind": "stochastic-texture", "texture": "ribbed", "mass": 0.05}
 
 
 def judged(checks, trajectory, *effects, make="minimum-distance", model="line", **scene):
-    document = {
-        "name": "it", "title": "It", "model": {"kind": model}, "checks": list(checks),
-        "scene": {"effects": list(effects), **scene}, "trajectory": trajectory,
-    }  # fmt: skip
-    found = judge(resolve(make) if isinstance(make, str) else make, "one", "test", convert(document, Case, "case"))
-    assert found.error is None
-    return {verdict.check: verdict for verdict in found.verdicts}
+    scene = {"effects": effects, **scene}
+    asked = case("it", {"kind": model}, checks, trajectory=trajectory, scene=scene)
+    return verdicts(resolve(make) if isinstance(make, str) else make, asked)
 
 
 def outcomes(*arguments, **more):
@@ -186,82 +181,3 @@ def test_each_check_explains_itself():
         assert CHECKS[name].level is Level.MUST
         assert CHECKS[name].effects
     assert StochasticTexture(mass=0.1, texture="ribbed").active(0.0)
-
-
-def test_a_surface_without_any_texture_is_off_by_a_finite_thousand_decibels():
-    effect = {"kind": "stochastic-texture", "texture": as_document(resonance(120.0)), "mass": 0.05}
-
-    def smooth(scene):
-        renderer = resolve("minimum-distance")(scene)
-        renderer.supports = frozenset({"stochastic-texture"})
-        return renderer
-
-    finding = judged(TEXTURES[:1], STROKE, effect, make=smooth)["texture-spectrum"].finding
-    assert finding.outcome is Outcome.FAIL
-    assert finding.metric.value == pytest.approx(1000.0, abs=1e-9)
-    assert finding.evidence["mean_error_dB"] == pytest.approx(-1000.0, abs=1e-9)
-
-
-class Mixed:
-    """A renderer of the scene's texture that answers what `mix` makes of HIP, own answer and that without texture."""
-
-    supports = frozenset({"stochastic-texture"})
-
-    def __init__(self, scene, mix):
-        self.plain = resolve("minimum-distance")(scene)
-        self.textured = with_effects(wrapped(resolve("minimum-distance")(scene)), scene)
-        self.mix = mix
-
-    def reset(self, hip):
-        self.plain.reset(hip)
-        self.textured.reset(hip)
-
-    def step(self, hip, velocity, dt):
-        return self.mix(hip, self.textured.step(hip, velocity, dt), self.plain.step(hip, velocity, dt))
-
-
-def worn(scene):
-    """A renderer of the scene's texture that shows none of it from x = 0.5 m on."""
-    return Mixed(scene, lambda hip, textured, plain: plain if hip[0] > 0.5 else textured)
-
-
-def test_a_texture_that_ends_on_the_way_is_a_finite_thousand_decibels_down_there():
-    found = judged(["texture-stationary"], STROKE, RIBBED, make=worn)["texture-stationary"]
-    assert found.outcome is Outcome.FAIL
-    assert found.finding.evidence["parts_dB"][-1] == -1000.0
-    assert found.finding.evidence["parts_dB"][0] > 0.0
-
-
-def test_a_texture_that_is_missing_at_one_of_two_forces_is_a_thousand_decibels_down_there():
-    """Less the mean of both stretches 500 dB each, but for what the texture itself has."""
-    points = [[0.0, -5e-4], [0.5, -5e-4], [0.501, -4e-3], [1.0, -4e-3]]
-    way = {"kind": "points", "points": points, "duration": 10.0}
-    found = judged(["texture-amplitude"], way, RIBBED, make=worn)["texture-amplitude"]
-    assert found.outcome is Outcome.FAIL
-    offs = [stretch["off_dB"] for stretch in found.finding.evidence["stretches"]]
-    assert sorted(offs) == pytest.approx([-500.0, 500.0], abs=5.0)
-
-
-def scaled(gains):
-    """Return the factory of a renderer whose texture is so many decibels too loud, by the depth (m) that is nearest."""
-
-    def amplified(hip, textured, plain):
-        decibels = gains[min(gains, key=lambda depth: abs(depth + hip[1]))]
-        ihip, force = plain
-        return ihip, force + 10.0 ** (decibels / 20.0) * (textured[1] - force)
-
-    return lambda scene: Mixed(scene, amplified)
-
-
-def test_of_several_stretches_the_one_farthest_beyond_its_own_bound_is_named():
-    """A stretch of 2 s may be off by more than one of 20 s, and is not the worst where both are off."""
-    depths = [5e-4] * 20 + [4e-3] * 3 + [2e-3] * 20
-    points = np.column_stack([0.005 * np.arange(len(depths)), -np.array(depths)]).tolist()
-    way = {"kind": "points", "points": points, "duration": len(depths) - 1.0}
-    make = scaled({5e-4: -0.6, 4e-3: 1.6, 2e-3: -1.0})
-    finding = judged(["texture-amplitude"], way, RIBBED, make=make)["texture-amplitude"].finding
-    offs = {stretch["force_N"]: abs(stretch["off_dB"]) for stretch in finding.evidence["stretches"]}
-    assert finding.outcome is Outcome.FAIL
-    assert max(offs, key=offs.__getitem__) == 4.0
-    assert finding.evidence["force_N"] == 2.0
-    assert finding.message.startswith("at 0.00504 m/s and 2 N the rms is -0.8"), finding.message

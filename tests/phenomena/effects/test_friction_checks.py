@@ -15,13 +15,11 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN_CHECKS
-from hapticeval.renderer import Response
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
-from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
-from hapticeval.stimulus.stimulus import Experiment, Hand, Path
+from hapticeval.stimulus.stimulus import Path
 
 FRICTION = [name for name in OWN_CHECKS if name.startswith("friction-")]
 DRY = [name for name in FRICTION if Friction.kind in OWN_CHECKS[name].effects]
@@ -137,37 +135,3 @@ def test_a_brake_that_points_aside_is_found(angle):
     turned = run.force * np.cos(angle) + np.cross(normal, run.force) * np.sin(angle)
     across = np.sum(run.force * normal, axis=1)[:, np.newaxis] * normal * (1.0 - np.cos(angle))
     assert outcome("friction-sliding", changed(run, force=turned + across), scene) is FAIL
-
-
-class Creeping:
-    """F_t = -mu F_n tanh(v / v_0), the friction that needs a speed to have a force."""
-
-    supports = frozenset({"friction"})
-
-    def __init__(self, scene):
-        self.scene, self.boundary = scene, scene.model.boundary
-
-    def reset(self, hip):
-        pass
-
-    def step(self, hip, velocity, dt):
-        at = self.boundary.closest_point(hip[np.newaxis])
-        if at.distance[0] >= 0.0:
-            return Response(hip, np.zeros_like(hip))
-        press = -self.scene.stiffness * at.distance[0]
-        return Response(at.foot[0], press * at.normal[0] - 0.3 * press * np.tanh(velocity / 5e-3) * [1.0, 0.0])
-
-
-def test_a_friction_that_needs_a_speed_creeps():
-    """At 0.57 of the limit by v_0 atanh(0.57), 3.2 mm/s; the tool with a cone stays."""
-    rest = Hand(path=Path(np.array([0.0, 1.0]), np.zeros((2, 2))), stiffness=0.0, damping=4.0)
-    pushes = np.array([[0.0, 0.0], [0.0, -1.0], [0.17, -1.0]])
-    trial = Experiment(3.0, np.array([0.0, 5e-4]), np.zeros(2), np.array([0.0, 0.4, 0.8]), pushes, rest)
-    runs = [
-        simulate_closed_loop(make_renderer(factory, SCENE), trial, SCENE, 1e-3)
-        for factory in (Creeping, resolve("minimum-distance"))
-    ]
-    assert outcome("friction-sticking", runs[1]) is PASS
-    found = OWN_CHECKS["friction-sticking"](Runs(runs[0]), SCENE)
-    assert found.outcome is FAIL
-    assert found.metric.value > 1e-4

@@ -66,10 +66,10 @@ def test_the_slide_shows_how_far_an_unshaded_force_would_turn():
     assert finding.metric.value < 0.1
 
 
-@pytest.mark.parametrize("change", sorted(honest.HONEST))
+@pytest.mark.parametrize("change", ["lists", "standoff", "sunk", "force-only"])
 @pytest.mark.parametrize("case", CASES)
 def test_an_honest_renderer_is_not_blamed(case, change):
-    """With the effect put on its answers; one that keeps its tool to itself has no place on a facet."""
+    """Late ones are in the kill matrix; one that keeps its tool to itself has no place on a facet."""
     outcomes = {finding.outcome for finding in findings_by_check(case, honest.factory(change, honest.Spring)).values()}
     hidden = change == "force-only" and case.startswith("facet")
     assert outcomes == {Outcome.INCONCLUSIVE if hidden else Outcome.PASS}

@@ -8,17 +8,10 @@ import struck_and_shaded
 from made import FAIL, changed, found
 
 from hapticeval.discovery import resolve
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.reliefs import BumpMap, HeightMap
-from hapticeval.effects.viscous_friction import ViscousFriction
-from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.lag import delayed
 from hapticeval.phenomena.measures.closed_paths import laps
-from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.playback import play
-from hapticeval.stimulus.stimulus import Path
 
 DT = 1e-3
 
@@ -64,33 +57,3 @@ def test_a_lap_that_is_in_contact_in_part_is_judged_too():
     assert finding.evidence["loops"] == 2
     assert finding.outcome is FAIL
     assert finding.evidence["from_time"] == pytest.approx((first + period) * DT)
-
-
-def to_and_fro():
-    """Aslant into a plane, and to and fro in it at speeds that change all the time."""
-    time = DT * np.arange(1200)
-    depth = np.where(time < 0.05, 1e-3 - 0.06 * time, -2e-3 - 5e-4 * np.sin(11.0 * (time - 0.05)))
-    return Path(time, np.column_stack([0.01 * np.sin(4.0 * time) + 0.004 * np.sin(9.0 * time), depth]))
-
-
-@pytest.mark.parametrize("lag", [0.4, 1.25, 2.6])
-@pytest.mark.parametrize("names", [("force",), ("ihip",), ("force", "ihip")], ids=" ".join)
-@pytest.mark.parametrize(
-    ("effect", "checks"),
-    [
-        (ViscousFriction(4.0), ("friction-force", "friction-work")),
-        (Friction(0.5, 0.3), ("friction-cone", "friction-sliding", "friction-break-away")),
-        (BumpMap(wavelength=2e-3, amplitude=4e-5), ("texture-relief",)),
-        (HeightMap(wavelength=2e-3, amplitude=4e-5), ("texture-relief",)),
-        (None, ("contact-normal-force", "force-magnitude", "passivity", "contact-kept")),
-    ],
-    ids=["viscous", "dry", "bumps", "heights", "bare"],
-)
-def test_what_comes_between_two_ticks_is_judged_with_what_is_open_there(effect, checks, names, lag):
-    """What each check allows and measures there stands in the table of what is measured."""
-    scene = Scene(model=make_model("line"), effects=() if effect is None else (effect,))
-    base, without = runs_of(scene, to_and_fro(), "" if effect is None else effect.kind)
-    rows = np.arange(len(base))
-    late = changed(base, **{name: delayed(base.channels[name], rows, lag) for name in names})
-    for check in checks:
-        assert found(check, Runs(late, without=without), scene).message
