@@ -109,19 +109,6 @@ def test_rest_in_an_inner_corner_takes_three_multipliers_until_one_is_zero(turn)
     np.testing.assert_allclose(force[over], np.tile([1.0, 0.0, 0.0], (over.sum(), 1)), atol=1e-12)
 
 
-@pytest.mark.parametrize("bounces", [0.3, 0.5, 0.8])
-def test_a_series_of_bounces_ends_at_its_limit_time(bounces):
-    experiment = Experiment(2.0, [0.01, 0.0, TOP + 0.02], [0.0, 0.0, 0.0], [0.0], [[0.0, 0.0, -1.0]])
-    recording = contact(CUBE, restitution=bounces).simulate(experiment, 1e-3)
-    fall = math.sqrt(2.0 * 0.02 / 10.0)
-    limit = fall * (1.0 + bounces) / (1.0 - bounces)
-    assert recording.meta["events"][-1]["time"] == pytest.approx(limit, abs=1e-5)
-    after = recording.time > limit + 2e-3
-    np.testing.assert_allclose(recording.force[after], np.tile([0.0, 0.0, 1.0], (after.sum(), 1)), atol=1e-12)
-    speeds = [event["impulse"][2] for event in recording.meta["events"]]
-    np.testing.assert_allclose(np.array(speeds[1:6]) / speeds[:5], bounces, rtol=1e-9)
-
-
 def test_an_impact_in_a_corner_turns_back_every_part_of_the_velocity():
     """Between walls at right angles no order of the impulses makes a difference: v becomes -c_r v."""
     for turn in (np.eye(3), TURN):

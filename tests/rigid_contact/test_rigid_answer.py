@@ -158,18 +158,6 @@ def test_a_hand_led_deep_inside_drags_the_tool_along_physically(depth, restituti
     assert speeds.max() < 10.0
 
 
-@pytest.mark.parametrize("bounces", [0.0, 0.5, 0.9])
-def test_a_dropped_tool_comes_to_rest_on_the_plane_after_the_geometric_series(bounces):
-    recording = drive(line(), [0, 0.05], [0, 0], [0, -1], duration=2.5, mass=0.1, restitution=bounces)
-    fall = (2.0 * 0.05 / 10.0) ** 0.5
-    end = fall * (1.0 + bounces) / (1.0 - bounces)
-    assert recording.meta["events"][-1]["time"] == pytest.approx(end, abs=1e-5)
-    after = recording.time > end + DT
-    np.testing.assert_allclose(recording.force[after], np.tile([0.0, 1.0], (after.sum(), 1)), atol=1e-12)
-    speeds = [np.hypot(*event["impulse"]) for event in recording.meta["events"]]
-    np.testing.assert_allclose(np.array(speeds[1:6]) / speeds[:5], np.full(len(speeds[1:6]), bounces), rtol=1e-9)
-
-
 def test_a_tool_dropped_straight_onto_a_tip_does_not_enter():
     for angle in (20.0, 60.0, 100.0):
         half = np.radians(angle / 2)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.geometry.catalogue import cassinian, circle, cube, dumbbell, ellipse, from_vertices, line, sphere, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.records import as_record, room_for
 from hapticeval.rigid_contact import ideal
@@ -188,6 +188,30 @@ def test_a_refined_run_holds_the_coarse_one():
     whole = len(fine) // 8
     means = fine.force[: whole * 8].reshape(-1, 8, 2).mean(axis=1)
     np.testing.assert_allclose(means, coarse.force[:whole], atol=1e-6)
+
+
+@pytest.mark.parametrize("bounces", [0.0, 0.3, 0.5, 0.8, 0.9])
+@pytest.mark.parametrize(
+    ("model", "top"), [(line(), 0.0), (cube(), 0.05), (sphere(), 0.1)], ids=["line", "cube", "sphere"]
+)
+def test_a_dropped_tool_comes_to_rest_after_the_geometric_series(model, top, bounces):
+    """From 20 mm it falls for sqrt(2 m h / F), and each hop is c_r as long and as hard as the one before."""
+    up = np.eye(model.dimension)[-1]
+    dropped = pushed((top + 0.02) * up, 0.0 * up, [-up, -up], 2.5)
+    recording = contact(model, restitution=bounces).simulate(dropped, DT)
+    fall = math.sqrt(2.0 * 0.02 / 10.0)
+    end = fall * (1.0 + bounces) / (1.0 - bounces)
+    events = recording.meta["events"]
+    times = [event["time"] for event in events]
+    assert times[0] == pytest.approx(fall, abs=1e-12)
+    assert times[-1] == pytest.approx(end, abs=1e-5)
+    after = recording.force[recording.time > end + DT]
+    np.testing.assert_allclose(after, np.tile(up, (len(after), 1)), atol=1e-9)
+    np.testing.assert_allclose(recording.hip[-1], top * up, atol=1e-12)
+    blows = np.linalg.norm(
+        [event["impulse"] for event in recording.meta["events"] if event["kind"] == "impact"], axis=1
+    )
+    np.testing.assert_allclose(blows[1:6], bounces * blows[:5][: len(blows) - 1], rtol=1e-9)
 
 
 def test_a_thin_part_is_not_passed_through():

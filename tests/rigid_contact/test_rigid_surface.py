@@ -185,22 +185,6 @@ def test_no_energy_is_lost_in_ten_thousand_bounces_without_loss():
     assert np.abs(energy - energy[0]).max() < 1e-10
 
 
-def test_bounces_with_loss_end_at_their_limit_time():
-    """On top of a sphere: hops of 2 v / a, each a half of the one before."""
-    drop, restitution = 1e-3, 0.5
-    recording = push(
-        sphere(), [0.0, 0.0, 0.1 + drop], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0], duration=0.5, restitution=restitution
-    )
-    acceleration = 1.0 / MASS
-    first = math.sqrt(2.0 * drop / acceleration)
-    limit = first * (1.0 + 2.0 * restitution / (1.0 - restitution))
-    impacts = [event["time"] for event in recording.meta["events"] if event["kind"] == "impact"]
-    assert impacts[0] == pytest.approx(first, abs=1e-12)
-    assert impacts[-1] == pytest.approx(limit, abs=1e-5)
-    after = recording.force[recording.time > limit + DT]
-    np.testing.assert_allclose(after, np.tile([0.0, 0.0, 1.0], (len(after), 1)), atol=1e-9)
-
-
 @settings(max_examples=30)
 @given(experiments(), st.sampled_from([0.0, 0.7]), st.data())
 def test_a_turned_or_mirrored_world_gives_the_turned_or_mirrored_motion(drawn, restitution, data):
