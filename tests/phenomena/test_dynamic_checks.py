@@ -167,17 +167,6 @@ def test_a_viscous_surface_is_asked_to_be_viscous():
     assert outcome("tangential-dynamics", made, CIRCLE) is FAIL
 
 
-def weaker(scheme, scene, hip, velocity):
-    return force(scheme, replace(scene, stiffness=0.98 * scene.stiffness), hip, velocity)
-
-
-def test_a_law_with_other_gains_than_the_form_s_is_told_from_it():
-    made = runs("set-stabilisation", CIRCLE, (1.1, 0.0), (0.0, 5.5), 0.3, law=weaker, name="7.38")
-    finding = found("closed-form", made, CIRCLE)
-    assert finding.outcome is FAIL
-    assert finding.metric.value > 100.0 * finding.bound
-
-
 def test_without_a_named_form_or_finer_runs_nothing_is_compared():
     base = runs_of_closed_form("pp", "on-circle")
     assert outcome("closed-form", Runs(base.base, refine=base.refine), CIRCLE) is NO

@@ -67,11 +67,6 @@ def test_how_far_too_early_or_too_late_is_measured_square_to_the_edge(distance, 
         assert words in finding.message
 
 
-def test_three_ticks_of_lag_are_granted_and_five_are_not():
-    assert outcome("broken-contact", over_the_top((1.0, 0.2), late=2.5 * STEP), CUBE) is PASS
-    assert outcome("broken-contact", over_the_top((1.0, 0.2), late=5 * STEP), CUBE) is FAIL
-
-
 @pytest.mark.parametrize(("ticks", "count"), [(3, 0), (4, 1)])
 def test_a_hand_that_is_past_the_edge_for_longer_than_a_lag_has_passed_it(ticks, count):
     base = over_the_top((1.0, 0.0))

@@ -7,13 +7,13 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from honest import Spring
+from asked import verdicts
+from honest import Changed, Spring
 from leading import led
-from made import found, recorded
-from msgspec.structs import replace
+from made import found, outcome, recorded
+from outsiders import case
 
 from hapticeval.discovery import resolve
-from hapticeval.documents import convert
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.catalogue import line, make_model
 from hapticeval.phenomena.check import Runs
@@ -24,7 +24,6 @@ from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import build_path
 from hapticeval.stimulus.hard_places import PLACES_OF_KIND
-from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
 CHECK = "numerical-stability"
@@ -32,10 +31,12 @@ SHAPES = ("star", "cassinian", "dumbbell", "ellipse", "sphere", "torus")
 
 
 def digits_of(make, model, of=("surface", "medial"), **scene):
-    case = {"name": "c", "title": "c", "model": model, "checks": [CHECK], "scene": scene}
-    trajectory = {"kind": "hard-places", "of": list(of)}
-    (verdict,) = judge(make, "r", "s", convert({**case, "trajectory": trajectory}, Case, "c")).verdicts
+    verdict = verdicts(make, case("c", model, (CHECK,), scene=scene, trajectory=hard_places(*of)))[CHECK]
     return verdict.outcome, verdict.finding
+
+
+def hard_places(*of):
+    return {"kind": "hard-places", "of": of}
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -61,8 +62,8 @@ def test_places_are_where_they_are_said_to_be():
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_the_nearest_projection_keeps_its_digits(kind):
-    outcome, finding = digits_of(resolve("minimum-distance"), {"kind": kind})
-    assert outcome is Outcome.PASS
+    result, finding = digits_of(resolve("minimum-distance"), {"kind": kind})
+    assert result is Outcome.PASS
     assert finding.evidence["digits"] > 13.0
 
 
@@ -70,20 +71,15 @@ def test_the_nearest_projection_keeps_its_digits(kind):
 def test_what_is_lost_is_counted(step, digits):
     """A grid of so many metres on a model of 0.19 m, which is looked at a seventh as large too."""
 
-    class Snapping:
-        def __init__(self, scene):
-            self.boundary = scene.model.boundary
-
-        def reset(self, hip):
-            pass
-
+    class Snapping(Spring):
         def step(self, hip, velocity, dt):
-            at = self.boundary.closest_point(np.rint(hip / step)[np.newaxis] * step)
-            ihip = at.foot[0] if at.distance[0] < 0.0 else hip
-            return Response(ihip, 1000.0 * (ihip - hip))
+            ihip, _ = super().step(np.rint(hip / step) * step, velocity, dt)
+            at_hand = np.array_equal(ihip, np.rint(hip / step) * step)
+            ihip = hip if at_hand else ihip
+            return Response(ihip, self.stiffness * (ihip - hip))
 
-    outcome, finding = digits_of(Snapping, {"kind": "star"}, of=("teleports",))
-    assert outcome is Outcome.FAIL
+    result, finding = digits_of(Snapping, {"kind": "star"}, of=("teleports",))
+    assert result is Outcome.FAIL
     assert f"{digits} digits are left" in finding.message
     assert finding.evidence["motion"] in ("turned and shifted", "seven times as large", "a seventh as large")
 
@@ -93,9 +89,8 @@ def test_a_tool_that_is_struck_behind_its_last_sample_lies_off_the_model_there()
 
     def judged(seconds):
         points = [[0.0, 0.01055], [0.0, 0.01055 - 0.1 * seconds]]
-        trajectory = {"kind": "points", "duration": seconds, "points": points}
-        case = {"name": "c", "title": "c", "model": {"kind": "line"}, "checks": [CHECK], "trajectory": trajectory}
-        return judge(resolve("ideal"), "ideal", "s", convert(case, Case, "c"))
+        path = {"kind": "points", "duration": seconds, "points": points}
+        return judge(resolve("ideal"), "ideal", "s", case("c", {"kind": "line"}, (CHECK,), trajectory=path))
 
     hip = judged(0.2).recording.hip
     last = 1e-3 * float(np.argmin(hip[:, 1] > 0.0) - 1)
@@ -107,23 +102,22 @@ def test_a_tool_that_is_struck_behind_its_last_sample_lies_off_the_model_there()
 
 def test_a_hand_that_was_far_away_excuses_no_digit():
     """Centres of curvature of the Cassinian's inflections lie at 1e17 m, where a coordinate is known to 16 m."""
-    outcome, finding = digits_of(resolve("minimum-distance"), {"kind": "cassinian"}, of=("focal", "medial"))
-    assert outcome is Outcome.PASS
+    result, finding = digits_of(resolve("minimum-distance"), {"kind": "cassinian"}, of=("focal", "medial"))
+    assert result is Outcome.PASS
     assert finding.evidence["digits"] > 13.0
     assert finding.evidence["rounding_m"] < 1e-15
 
 
 @pytest.mark.parametrize(
-    ("renderer", "case", "why"),
+    ("renderer", "name", "why"),
     [
         ("minimum-distance@polygon", "neck-1e-6", "within the declared resolution and standoff of 15.1 mm"),
         ("constraint", "neck-1e-6", "within the declared resolution and standoff of 15.1 mm"),
         ("minimum-distance", "offset-1e9-m", "within the rounding of "),
     ],
 )
-def test_fewer_than_six_digits_are_no_pass_and_few_name_their_excuse(renderer, case, why):
-    (case,) = (each for each in load_suite("hard-cases-places").cases if each.name == case)
-    (verdict,) = judge(resolve(renderer), renderer, "s", replace(case, checks=[CHECK])).verdicts
+def test_fewer_than_six_digits_are_no_pass_and_few_name_their_excuse(renderer, name, why):
+    verdict = verdicts(resolve(renderer), f"hard-cases-places/{name}", CHECK)[CHECK]
     assert verdict.finding.evidence["digits"] < 9.0
     assert verdict.finding.metric.unit == "digits"
     if verdict.finding.evidence["digits"] < FEWEST_DIGITS:
@@ -141,10 +135,9 @@ def test_a_pass_that_keeps_its_digits_needs_no_excuse():
 
 @pytest.mark.parametrize("kind", ["circle", "sphere"])
 def test_of_a_run_that_ends_at_a_singular_place_the_digits_before_it_are_given(kind):
-    case = {"name": "c", "title": "c", "model": {"kind": kind}, "checks": [CHECK, "reset-clears"]}
-    trajectory = {"kind": "hard-places", "of": ["surface", "centre", "teleports"]}
-    case = convert({**case, "trajectory": trajectory}, Case, "c")
-    judged = judge(resolve("set-stabilisation"), "r", "s", case)
+    places = hard_places("surface", "centre", "teleports")
+    ends = case("c", {"kind": kind}, (CHECK, "reset-clears"), trajectory=places)
+    judged = judge(resolve("set-stabilisation"), "r", "s", ends)
     assert judged.error is None
     assert "centre of curvature" in judged.ended["what"]
     assert 0 < len(judged.recording) == judged.ended["tick"]
@@ -155,41 +148,30 @@ def test_of_a_run_that_ends_at_a_singular_place_the_digits_before_it_are_given(k
     assert (evidence["digits"] > 15.0, evidence["rows_in_contact"] > 20) == (True, True)
 
 
-class Bounded:
+class Bounded(Changed):
     """The nearest point, defined for steps of a millisecond only, and not in a scene that has been moved."""
 
     def __init__(self, scene):
-        self.inner = resolve("minimum-distance")(scene)
+        super().__init__(scene, resolve("minimum-distance")(scene))
         self.moved = abs(scene.model.boundary.signed_distance(np.zeros((1, 2)))[0] + 0.1) > 1e-9
-
-    def reset(self, hip):
-        self.inner.reset(hip)
 
     def step(self, hip, velocity, dt):
         if dt < 1e-3 or self.moved:
             raise DomainError("off the map")
-        return self.inner.step(hip, velocity, dt)
+        return super().step(hip, velocity, dt)
 
 
 @pytest.mark.parametrize("check", ["numerical-stability", "time-subdivision"])
 def test_a_check_is_undecided_whose_other_run_leaves_the_domain(check):
-    case = {"name": "c", "title": "c", "model": {"kind": "circle"}, "checks": [check, "contact-kept"]}
-    trajectory = {"kind": "points", "duration": 0.1, "points": [[0.2, 0.0], [0.09, 0.01]]}
-    judged = judge(Bounded, "r", "s", convert({**case, "trajectory": trajectory}, Case, "c"))
+    path = {"kind": "points", "duration": 0.1, "points": [[0.2, 0.0], [0.09, 0.01]]}
+    judged = judge(Bounded, "r", "s", case("c", {"kind": "circle"}, (check, "contact-kept"), trajectory=path))
     first, second = judged.verdicts
     assert (first.outcome, "off the map" in first.finding.message) == (Outcome.INCONCLUSIVE, True)
     assert (second.outcome, judged.ended) == (Outcome.PASS, None)
 
 
 def test_a_recording_is_not_asked():
-    from hapticeval.phenomena.check import Runs
-    from hapticeval.phenomena.registry import CHECKS
-    from hapticeval.simulation.playback import play
-
-    scene = Scene(model=make_model("star"))
-    renderer = resolve("minimum-distance")(scene)
-    path = build_path({"kind": "hard-places", "of": ["medial"]}, scene.model.boundary, Path())
-    assert CHECKS[CHECK](Runs(play(renderer, path, 1e-3)), scene).outcome is Outcome.NOT_APPLICABLE
+    assert outcome(CHECK, recorded(np.full((3, 2), 0.01)), Scene(model=make_model("star"))) is Outcome.NOT_APPLICABLE
 
 
 def exact_distance(vertices, point):
