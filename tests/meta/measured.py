@@ -31,8 +31,8 @@ from hapticeval.phenomena.verdict import Finding
 from hapticeval.scene import Scene
 
 TABLE = Path(__file__).with_name("measured.csv")
-EACH, EACH_ASKED, OF_ONE = 2, 6, 2
-"""Places of each kind of finding: of suites and broken renderers, of what tests ask, and of one renderer or test."""
+EACH = OF_ONE = 2
+"""Places of each kind of finding, and of those of one renderer or test."""
 CLOSE, ROUNDING = 2e-3, 1e-9
 """Share by which numbers of a simulation may differ between two machines, and size, in SI units, that is rounding."""
 EXACT, TINY = 1e-5, 1e-12
@@ -124,7 +124,7 @@ def compare(suite: str, renderer: str, findings: Mapping[tuple[str, str], Findin
         return
     rows = {Place(suite, renderer, *place): row_of(finding) for place, finding in findings.items()}
     if publishing():
-        publish({place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC}, EACH)
+        publish({place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC})
     for place, row in rows.items():
         agree(place, row, CLOSE, ROUNDING)
 
@@ -192,28 +192,28 @@ def watched(test: str) -> Iterator[None]:
             if publishing() and place not in recorded() and call.seconds > QUICK:
                 continue
             row = call.row(seed)
-            if publishing() and is_wanted(place, row, EACH_ASKED):
+            if publishing() and is_wanted(place, row):
                 if 0 < len(row.numbers) < MOST_NUMBERS and call.is_sound(row, seed):
-                    publish({place: row}, EACH_ASKED)
+                    publish({place: row})
                 elif recorded().pop(place, None) is not None:
                     write(recorded().items())  # it tells nothing any more
             agree(place, row, EXACT, TINY)
             assert place not in recorded() or row.kind == recorded()[place].kind, f"{place}: other words"
 
 
-def is_wanted(place: Place, row: Row, each: int) -> bool:
+def is_wanted(place: Place, row: Row) -> bool:
     """Return whether a place is recorded already, or one of the first of its kind."""
     table = recorded()
     alike = [there for there, other in table.items() if other.kind == row.kind and there.check == place.check]
     of_one = sum(there[:2] == place[:2] for there in alike)
-    return place in table or (len(alike) < each and of_one < OF_ONE)
+    return place in table or (len(alike) < EACH and of_one < OF_ONE)
 
 
-def publish(rows: Mapping[Place, Row], each: int) -> None:
+def publish(rows: Mapping[Place, Row]) -> None:
     """Record what is measured at places that are recorded, and at the first places of each kind."""
     table = recorded()
     for place, row in rows.items():
-        if is_wanted(place, row, each):
+        if is_wanted(place, row):
             table[place] = row
     write(table.items())
 
