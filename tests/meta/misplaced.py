@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from honest import Changed, Spring
-from jumping import Follows, Late, Moved, Rule
+from jumping import Follows, Late, led_by
 
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
@@ -86,22 +87,17 @@ def creeping(speed: float) -> Callable[[float, float, int, float], float]:
     return lambda old, new, tick, dt: old + speed * dt
 
 
-def moved(rule: Callable[[], Rule]) -> Callable[[Scene], Moved]:
-    """Return the factory of a spring whose contact point is moved so."""
-    return lambda scene: Moved(scene, rule)
-
-
 def slowly(kind: type[Slowly]) -> Callable[[Scene], Slowly]:
     """Return the factory of a spring that is wrong while the hand is slow."""
     return lambda scene: kind(scene, Spring(scene))
 
 
-single_hop = moved(partial(Hop, 2.0, 0.115e-3))
+single_hop = led_by(partial(Hop, 2.0, 0.115e-3))
 
 
-ASTRAY: dict[str, Callable[[Scene], Moved]] = {
-    "behind": moved(lambda: Late(100)),
-    "slides-after": moved(partial(Follows, behind(0.1))),
-    "creeps": moved(partial(Follows, creeping(1.0))),
+ASTRAY: dict[str, Callable[[Scene], Any]] = {
+    "behind": led_by(lambda: Late(100)),
+    "slides-after": led_by(partial(Follows, behind(0.1))),
+    "creeps": led_by(partial(Follows, creeping(1.0))),
 }
 """Contact points 100 ms behind the hand along the surface, in one way or another, or gone at 1 m/s."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from latecomers import LateTool, late
 from made import changed, found
 from outsiders import CASES
 
@@ -25,7 +26,7 @@ RENDERERS = {
     "spring": honest.Spring,
     "standoff": honest.factory("standoff", honest.Spring),
     "sunk": honest.factory("sunk", honest.Spring),
-    "late-tool": lambda scene: honest.LateTool(scene, honest.Spring(scene)),
+    "late-tool": late(kind=LateTool, ihip=3.0),
     "late-3": honest.factory("late-3", honest.Spring),
     "force-only": honest.factory("force-only", honest.Spring),
     "constraint": resolve("constraint"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asked import finding, verdicts
+from honest import declaring
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from latecomers import LateTool, late
@@ -13,7 +14,7 @@ from msgspec.structs import replace
 from outsiders import CASES, LED, case
 
 from hapticeval.discovery import resolve
-from hapticeval.renderer import Declaration, Spring
+from hapticeval.renderer import Spring
 from hapticeval.suite.case import Case
 
 
@@ -74,17 +75,6 @@ def test_more_than_three_ticks_are_a_fault(ticks):
     assert FAIL in outcomes(late(TOOL, **ticks), RELEASE).values()
 
 
-def declared(make):
-    """The same, which declares that it is a spring."""
-
-    def promising(scene):
-        renderer = make(scene)
-        renderer.declares = Declaration(spring=Spring.ERROR)
-        return renderer
-
-    return promising
-
-
 lags = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 3.0))
 
 
@@ -95,11 +85,11 @@ lags = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 3.0))
 def test_a_declared_spring_may_be_late_by_one_number_of_ticks_a_channel(ihip, force, tool):
     for make in (late(ihip=ihip, force=ihip), late(force=force), late(ihip=ihip), late(kind=LateTool, ihip=tool)):
         for place in ("slide", "press"):
-            said = finding(declared(make), place, "force-magnitude")
+            said = finding(declaring(make, spring=Spring.ERROR), place, "force-magnitude")
             assert said.outcome is PASS, said.message
 
 
 def test_a_run_that_ends_in_contact_does_not_know_what_a_late_ihip_would_have_been():
     for ticks in (0.5, 1.0, 3.0):
-        said = finding(declared(late(ihip=ticks)), "solids/cube-cut-off", "force-magnitude")
+        said = finding(declaring(late(ihip=ticks), spring=Spring.ERROR), "solids/cube-cut-off", "force-magnitude")
         assert said.outcome is PASS, said.message

@@ -46,7 +46,7 @@ from led_astray import (
     of,
 )
 from misblamed import CORNERS, FLOOR, LATE, NEAR, OUTSIDE, RIGHT, THIN_PLATE, DropsForce, Haunts, Sticks
-from misplaced import ASTRAY, Hop, HopsWhileSlow, SinksWhileSlow, moved, single_hop, slowly
+from misplaced import ASTRAY, Hop, HopsWhileSlow, SinksWhileSlow, single_hop, slowly
 from msgspec.structs import replace
 from mutants import Mutant, cushions
 from overlooked import (
@@ -320,7 +320,7 @@ JUMPS = [
     ),
     # A tool that catches up with three ticks of the hand moves as far as this one hops.
     Row(Spring, FAST_AND_SLOW, passes=CONTINUOUS),
-    Row(moved(partial(Hop, 0.2, 2e-3)), FAST_AND_SLOW, passes=CONTINUOUS, name="hops-within-the-lag"),
+    Row(led_by(partial(Hop, 0.2, 2e-3)), FAST_AND_SLOW, passes=CONTINUOUS, name="hops-within-the-lag"),
     # At the origin, the centre of a circle, nothing is looked at closer than elsewhere.
     Row(Spring, TO_THE_CENTRE, CONTINUOUS, times=1000.0),
     # Along the surface, without a jump, and on it.

@@ -361,11 +361,7 @@ class DeadSpot(honest.Spring):
 
 @pytest.mark.parametrize("spring", [None, *Spring])
 def test_a_contact_point_without_a_force_deep_inside_is_not_taken_for_a_spring(spring):
-    def make(scene):
-        renderer = DeadSpot(scene)
-        renderer.declares = None if spring is None else Declaration(spring=spring)
-        return renderer
-
+    make = DeadSpot if spring is None else honest.declaring(DeadSpot, spring=spring)
     path = Path([0.0, 0.5, 1.0], [[0.105, 0.0], [0.083, 0.0], [0.083, 0.02]])
     finding = found("force-magnitude", runs(make, ROUND, path), ROUND)
     assert finding.outcome is FAIL

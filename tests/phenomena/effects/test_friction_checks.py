@@ -43,9 +43,9 @@ def outcome(check, run, scene=SCENE):
     return OWN_CHECKS[check](Runs(run), scene).outcome
 
 
-@pytest.mark.parametrize("name", [name for name in honest.HONEST if name != "force-only"])
+@pytest.mark.parametrize("name", ["lists", "standoff", "sunk"])
 def test_no_honest_renderer_is_blamed(name):
-    """Late by up to three ticks, in single precision, at a distance: friction is what the scene's law makes it."""
+    """At a distance friction is what the scene's law makes it; late and in single precision, see the kill matrix."""
     for case in map(rubbing.CASES.get, QUICK):
         found = judge(honest.factory(name, rubbing.Rubbing), name, "effects-friction", case)
         assert {v.check: v.outcome for v in found.verdicts} == dict.fromkeys(case.checks, PASS), case.name
