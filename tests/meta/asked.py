@@ -49,7 +49,7 @@ class Row(NamedTuple):
     - `words`: a pattern that is in the message of each that it fails, or else that is undecided, or that it passes.
     - `metric`, `evidence`: what each of these measures, to a hundredth or by `approx`, and some of the evidence.
     - `times`: so many times its bound each that it fails measures at the least.
-    - `level`: of each that it fails: "must", "should", "inherent" where a theorem excuses it, or "" for any.
+    - `level`: of each that it fails: "must", "should", "inherent" where a theorem excuses it.
     - `name`: of the renderer, where its factory has none.
     """
 
@@ -98,4 +98,4 @@ def hold(row: Row) -> None:
     for check in fails:
         found = judged[check]
         assert row.times == 0.0 or found.finding.metric.value >= row.times * found.finding.bound, messages[check]
-        assert row.level in ("", "inherent" if found.inherent else found.level), messages[check]
+        assert row.level == ("inherent" if found.inherent else found.level), messages[check]

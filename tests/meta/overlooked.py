@@ -281,7 +281,6 @@ class Overlooked:
     places: tuple[str, ...]
     check: str
     words: str
-    level: str = "must"
 
 
 PRESSES = ("field/press-and-leave",)
@@ -292,9 +291,7 @@ FREE = "N in free space: it is"
 OVERLOOKED: Mapping[str, Overlooked] = {
     "pushes-outside": Overlooked(spoiled(pushes_outside), PRESSES, "contact-kept", FREE),
     "pulls-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "contact-kept", FREE),
-    "draws-in-from-outside": Overlooked(
-        spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by", ""
-    ),
+    "draws-in-from-outside": Overlooked(spoiled(pulls_from_outside), PRESSES, "never-pulls", "draws the hand in by"),
     "pushes-from-afar": Overlooked(spoiled(pushes_from_afar), PRESSES, "contact-kept", FREE),
     "touches-outside": Overlooked(
         spoiled(touches_outside), PRESSES, "contact-kept", FREE + ".* outside of .*, with the tool 2 mm away from it"

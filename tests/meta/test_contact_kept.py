@@ -58,7 +58,7 @@ def test_a_renderer_that_keeps_its_contact_passes(base, place):
     assert finding.outcome is Outcome.PASS, finding.message
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", ["polygon", "cassinian", "torus"])
 @pytest.mark.parametrize("fault", sorted(set(LETTING_GO) - {"trails"}))
 def test_a_renderer_that_lets_go_fails(fault, place):
     finding = finding_of(spoiled(fault), *PLACES[place])

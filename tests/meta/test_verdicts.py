@@ -104,17 +104,17 @@ FINGER = [
     Row(FingerProxy, "solids/cube-edge", passes="continuous-contact", words="0.1 mm of the declared standoff"),
     Row(Undeclared, "solids/cube-edge", "continuous-contact"),
     *rows([FingerProxy], ["solids/cube-vertex", "solids/wedge-30"], passes="broken-contact"),
-    Row(FingerProxy, "solids/inner-corner", "abrupt-switch", "continuous-contact", level=""),
+    Row(FingerProxy, "solids/inner-corner", "abrupt-switch", "continuous-contact"),
     Row(FingerProxy, "solids/icosphere-chord", "continuous-contact", words="pop-through", metric=1.24e-3),
     # Over an arc of the margin round the notch, which 90 degrees of the force take.
-    Row(FingerProxy, "solids/l-block-notch", "abrupt-switch", metric=0.5 * np.pi * 0.9, level=""),
+    Row(FingerProxy, "solids/l-block-notch", "abrupt-switch", metric=0.5 * np.pi * 0.9),
     Row(FingerProxy, FACETS, "continuous-contact", evidence={"severity": "major"}),
-    Row(Coarse, FACETS, "continuous-contact", words="mini", evidence={"severity": "mini"}, level=""),
+    Row(Coarse, FACETS, "continuous-contact", words="mini", evidence={"severity": "mini"}),
     Row(FingerProxy, "solids/plate", passes="contact-kept"),
     Row(Unswept, "solids/plate", "contact-kept", evidence={"kind": "tunnelled"}),
-    Row(FingerProxy, "solids/cube-impact", "impulsive-collision", level=""),
-    Row(FingerProxy, "unilateral-surfaces/sphere-pressed", "centripetal-force", "contact-kept", level=""),
-    Row(FingerProxy, "thesis/circle-slide", "centripetal-force", level=""),
+    Row(FingerProxy, "solids/cube-impact", "impulsive-collision"),
+    Row(FingerProxy, "unilateral-surfaces/sphere-pressed", "centripetal-force", "contact-kept"),
+    Row(FingerProxy, "thesis/circle-slide", "centripetal-force"),
 ]
 """A finger proxy as haptic libraries have it gets the verdicts of physics, and its margin is no fault."""
 
@@ -138,12 +138,12 @@ FLIGHTS = [
             [resolve("constraint")], [flying(model, aslant) for aslant in (0.0, 5e-3, -5e-3)], "", "continuous-contact"
         ),
         *rows([Leaps, LandsElsewhere], [flying(model)], "continuous-contact", words="pop-through", metric=0.06),
-        Row(resolve("minimum-distance"), flying(model), "continuous-contact", level=""),
+        Row(resolve("minimum-distance"), flying(model), "continuous-contact", level="inherent"),
     )
 ]
 FLIGHTS += [
     Row(BALL, grazing(), passes="broken-contact"),
-    Row(UndeclaredBall, grazing(), "broken-contact", level=""),
+    Row(UndeclaredBall, grazing(), "broken-contact"),
 ]
 """A tool that is let go at an edge flies to the next face: no pop-through, as a leap while it is pressed is one."""
 
@@ -153,7 +153,7 @@ OF_THE_FIELD = [
     *rows([Claiming, Raised], ["solids/cube-edge"], "continuous-contact", words="pop-through"),
     Row(BALL, "solids/fine-ball", "continuous-contact", words="declares a standoff of 0.5 mm, of which 0.4 mm count"),
     Row(resolve("conformal+pc"), "thesis/cassinian-loops", passes="passivity", words="spent"),
-    *rows([resolve("conformal"), endowed], ["thesis/cassinian-loops"], "passivity", words="^((?!spent).)*$", level=""),
+    *rows([resolve("conformal"), endowed], ["thesis/cassinian-loops"], "passivity", words="^((?!spent).)*$"),
     # The hand's depth under the plate's upper face.
     Row(COUPLED, "solids/plate", "contact-kept", metric=0.01925, evidence={"kind": "tunnelled"}),
     *rows(
@@ -183,7 +183,7 @@ LATE_FRICTION = [
             (Chatters, "plane-to-and-fro", "friction-sliding"),
             (Thins, "viscous-plane", "friction-work"),
         )
-        for row in rows([late(kind), late(kind, force=0.4)], [FRICTION[place]], check, level="")
+        for row in rows([late(kind), late(kind, force=0.4)], [FRICTION[place]], check)
     ),
 ]
 """Friction may be late by one lag for the run, also between two ticks; one that is wrong besides is found."""
@@ -197,7 +197,7 @@ LATECOMERS = [
         words=r"\([^)]*(?<![\d.])([4-9]|\d\d)[\d.]* degrees\) off every true normal",
     ),
     *rows([late(kind=LateTool, ihip=lag) for lag in (0.5, 1.0, 2.3)], PRESSED, passes="contact-normal-force"),
-    Row(late(kind=LateTool, ihip=3.0), "slide", passes="force-magnitude passivity reset-clears"),
+    Row(late(kind=LateTool, ihip=3.0), "slide", passes="force-magnitude reset-clears"),
     *rows([FingerProxy, FromTheFace], ["solids/corner-press"], passes="contact-normal-force"),
     Row(OffTheSurface, "press", passes="contact-normal-force"),
     Row(SilentlyOff, "press", "contact-normal-force"),
@@ -218,7 +218,7 @@ LATECOMERS = [
 WRONG = [
     row
     for name, wrong in OVERLOOKED.items()
-    for row in rows({name: wrong.make}, wrong.places, wrong.check, words=wrong.words, level=wrong.level)
+    for row in rows({name: wrong.make}, wrong.places, wrong.check, words=wrong.words)
 ]
 """What suites once let pass."""
 
@@ -251,7 +251,7 @@ RIGHTLY = [
 EDGES = {"solids/box-off-origin", *UNVISITED["lingers"].cases}
 RIGHTLY += [
     # The nearest point jumps at an edge (4.1.2), wherever that is, and in a loop too.
-    Row(Spring, place, "continuous-contact broken-contact" if place in EDGES else "", "the rest", level="")
+    Row(Spring, place, "continuous-contact broken-contact" if place in EDGES else "", "the rest")
     for place in sorted({place for unvisited in UNVISITED.values() for place in unvisited.cases})
     if not place.startswith("effects-")
 ]
@@ -264,7 +264,7 @@ WRONG += [
         "numerical-stability",
         "contact-kept",
         evidence={"motion": "a seventh as large"},
-        level="",
+        level="should",
     )
 ]
 
@@ -369,13 +369,13 @@ SIZES = [
     # A damper that the scene does not ask for is named by what it is more: no dead band, and no force is missing.
     # None is too large that nobody feels: it makes 4 times the spring's force of the first 2.7 nm, which is 11 uN.
     Row(force_sizes.Damped, PRESS, SIZE, words="^a damper of 2 N s/m acts on the whole velocity", level="should"),
-    Row(force_sizes.Damped, LOOPS, SIZE, words="^its damper along the normal is off by 2 N s/m", level=""),
+    Row(force_sizes.Damped, LOOPS, SIZE, words="^its damper along the normal is off by 2 N s/m"),
     Row(
         force_sizes.Damped,
         replace(case_at(PRESS), scene={**case_at(PRESS).scene, "damping": 0.5}),
         SIZE,
         words="^a damper of 1.5 N s/m acts on the whole velocity in contact",
-        level="",
+        level="should",
     ),
     # A stiffness that varies as declared; and a range that is declared is held.
     *rows(

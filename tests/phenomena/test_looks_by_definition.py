@@ -18,12 +18,9 @@ from hapticeval.phenomena.inherent import nearest_jump
 from hapticeval.phenomena.measures.crossings import length_to_next_corner
 from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
-from hapticeval.phenomena.measures.under_the_hand import followed_rows, may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
-
-STEP = 1e-4
 
 
 class TestContinuity:
@@ -102,42 +99,6 @@ class TestRelations:
             declares = changed(base, meta={f"{name}_scatter": scatter})
             other = changed(base, ihip=base.ihip + np.array([off, 0.0]), force=base.force)
             assert found("two-at-once", Runs(declares, in_turns=lambda other=other: other), LINE).outcome is outcome
-
-
-class TestUnderTheHand:
-    """A hand that goes along a line and comes in before row 3, by `depth` steps; feet are given by hand."""
-
-    def followed(self, *, depth=1.0, feet=(), first=3, source="playback"):
-        count = 14
-        # Down by a step in each tick, up to the depth.
-        hip = STEP * np.column_stack([np.arange(count), np.maximum(first - np.arange(count), 0.0) - depth])
-        ihip = np.where(np.arange(count)[:, np.newaxis] < first, hip, hip * [1.0, 0.0])
-        contact = (np.arange(count) >= first).astype(float)
-        base = recorded(hip, ihip, 0.0 * hip, contact=contact, meta={"source": source})
-        foot = hip * [1.0, 0.0]
-        for row, jump in feet:
-            foot[row:, 0] += jump
-        rows, doubt = followed_rows(Observed(base, LINE), foot, hip[:, 1])
-        return np.flatnonzero(rows).tolist(), doubt
-
-    @pytest.mark.parametrize(("jump", "last"), [(0.9 * STEP, 13), (1.1 * STEP, 7)])
-    def test_up_to_where_the_nearest_point_jumps_by_more_than_twice_the_hand_s_step(self, jump, last):
-        rows, doubt = self.followed(feet=[(8, jump)])
-        assert rows == list(range(3, last + 1))
-        if last == 13:
-            # A shorter step may have hidden as much, from then on.
-            np.testing.assert_allclose(doubt, np.where(np.arange(14) >= 8, jump, 0.0), atol=1e-12)
-
-    @pytest.mark.parametrize(("outside", "begins"), [(0.9, True), (1.1, False)])
-    def test_a_tool_that_came_in_with_the_hand_has_moved_no_farther_than_that(self, outside, begins):
-        """Outside in row 2, three steps before the contact is seen: so far may the tool be from there."""
-        hip = np.column_stack([STEP * np.arange(8), [STEP, STEP, STEP, -STEP, -STEP, -STEP, -STEP, -STEP]])
-        ways = np.linalg.norm(np.diff(hip, axis=0), axis=1)[2:5].sum()
-        ihip = np.array(hip)
-        ihip[5] = hip[2] + np.array([outside * ways, 0.0])
-        base = recorded(hip, ihip, meta={"source": "playback"})
-        assert may_begin_at_ihip(Observed(base, LINE), hip[:, 1], 5) is begins
-        assert not may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
 
 
 def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from outsiders import CASES
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import cube, ellipse, make_model
-from hapticeval.phenomena.measures.under_the_hand import find_aside
+from hapticeval.geometry.catalogue import cube, ellipse, line, make_model
+from hapticeval.phenomena.measures.under_the_hand import find_aside, followed_rows, may_begin_at_ihip
 from hapticeval.phenomena.observed import Observed
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
@@ -21,6 +21,45 @@ from hapticeval.simulation.playback import play
 from hapticeval.stimulus.moves import Move, Moves
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
+
+STEP = 1e-4
+LINE = Scene(model=line(), stiffness=1000.0, mass=0.1)
+
+
+class TestUnderTheHand:
+    """A hand that goes along a line and comes in before row 3, by `depth` steps; feet are given by hand."""
+
+    def followed(self, *, depth=1.0, feet=(), first=3, source="playback"):
+        count = 14
+        # Down by a step in each tick, up to the depth.
+        hip = STEP * np.column_stack([np.arange(count), np.maximum(first - np.arange(count), 0.0) - depth])
+        ihip = np.where(np.arange(count)[:, np.newaxis] < first, hip, hip * [1.0, 0.0])
+        contact = (np.arange(count) >= first).astype(float)
+        base = recorded(hip, ihip, 0.0 * hip, contact=contact, meta={"source": source})
+        foot = hip * [1.0, 0.0]
+        for row, jump in feet:
+            foot[row:, 0] += jump
+        rows, doubt = followed_rows(Observed(base, LINE), foot, hip[:, 1])
+        return np.flatnonzero(rows).tolist(), doubt
+
+    @pytest.mark.parametrize(("jump", "last"), [(0.9 * STEP, 13), (1.1 * STEP, 7)])
+    def test_up_to_where_the_nearest_point_jumps_by_more_than_twice_the_hand_s_step(self, jump, last):
+        rows, doubt = self.followed(feet=[(8, jump)])
+        assert rows == list(range(3, last + 1))
+        if last == 13:
+            # A shorter step may have hidden as much, from then on.
+            np.testing.assert_allclose(doubt, np.where(np.arange(14) >= 8, jump, 0.0), atol=1e-12)
+
+    @pytest.mark.parametrize(("outside", "begins"), [(0.9, True), (1.1, False)])
+    def test_a_tool_that_came_in_with_the_hand_has_moved_no_farther_than_that(self, outside, begins):
+        """Outside in row 2, three steps before the contact is seen: so far may the tool be from there."""
+        hip = np.column_stack([STEP * np.arange(8), [STEP, STEP, STEP, -STEP, -STEP, -STEP, -STEP, -STEP]])
+        ways = np.linalg.norm(np.diff(hip, axis=0), axis=1)[2:5].sum()
+        ihip = np.array(hip)
+        ihip[5] = hip[2] + np.array([outside * ways, 0.0])
+        base = recorded(hip, ihip, meta={"source": "playback"})
+        assert may_begin_at_ihip(Observed(base, LINE), hip[:, 1], 5) is begins
+        assert not may_begin_at_ihip(Observed(base, LINE), np.full(8, -STEP), 5), "the hand was never outside"
 
 
 @pytest.mark.parametrize("name", ASTRAY)
