@@ -12,7 +12,7 @@ import platform
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self
@@ -653,16 +653,20 @@ def unknown_renderer(name: str, known: Iterable[str]) -> UnknownNameError:
 
 def environment() -> dict[str, Any]:
     """Return what the numbers may depend on: versions and the kind of machine, no names of hosts, users or folders."""
-    versions: dict[str, str | None] = {}
     # Packages whose version may change a digit.
-    for name in ("hapticeval", "numpy", "scipy", "numba", "shapely", "h5py"):
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = None
+    names = ("hapticeval", "numpy", "scipy", "numba", "shapely", "h5py")
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cpu_count": os.cpu_count(),
-        "versions": versions,
+        "versions": {name: _version_of(name) for name in names},
     }
+
+
+@cache
+def _version_of(package: str) -> str | None:
+    """Return the version of what is installed, or None: it is looked for once (2 ms) and stays while a process runs."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
