@@ -61,9 +61,10 @@ def test_what_cannot_be_drawn_says_why_and_writes_nothing(here, capsys, argument
 
 
 def test_several_cases_are_run_and_drawn_together(here, capsys):
-    assert main(["figure", "slides.toml/flat", "slides.toml/flat-back", *TWO, "-o", "figures"]) == 0
+    cases = ["slides.toml/flat", "slides.toml/flat-back", "-r", "local_mine:Good"]
+    assert main(["figure", *cases, "-o", "figures"]) == 0
     assert capsys.readouterr().out == "wrote figures/figure-flat.pdf\nwrote figures/figure-flat-back.pdf\n"
-    assert main(["figure", "slides.toml/flat", "slides.toml/flat-back", *TWO, "-o", "one.pdf"]) == 2
+    assert main(["figure", *cases, "-o", "one.pdf"]) == 2
     assert "2 figures do not fit into one file" in capsys.readouterr().err
 
 
@@ -107,8 +108,6 @@ def test_the_same_from_python(refused, here):
     results = api.run(["local_mine:Good", "local_mine:Jumps"], suites="slides.toml", workers=0)
     fig = results.plot("flat", renderers=["local_mine:Jumps"], check="continuous-contact", width="120mm", font_size=7)
     assert fig.get_figwidth() == pytest.approx(120 / 25.4)
-    fig.savefig(here / "fig.pdf")
-    assert b"/Type3" not in (here / "fig.pdf").read_bytes()
     names = [text.get_text() for text in results.plot("flat", width="88mm").legends[0].get_texts()]
     assert names == ["HIP", "IHIP, local_mine:Good", "IHIP, local_mine:Jumps"]
     fig = results.plot("flat", labels={"local_mine:Good": "right"}, check="continuous-contact")

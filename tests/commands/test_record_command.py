@@ -160,6 +160,7 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for module, name in ((device, "FIRST_PATIENCE"), (udp, "SILENCE_SECONDS"), (udp, "UNHEARD_SECONDS")):
         monkeypatch.setattr(module, name, 60.0)
+    monkeypatch.setattr("hapticeval.devices.device.BOUNDARY_POINTS", 100)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)
     (tmp_path / "wired.toml").write_text(WIRED)

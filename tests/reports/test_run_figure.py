@@ -130,10 +130,9 @@ def key_words(fig):
 
 @pytest.mark.parametrize(("width", "beside"), [("88mm", False), ("180mm", True)])
 def test_of_a_run_that_is_alone_the_components_and_the_motion_are_drawn(width, beside):
-    led, pushed = (alone(recording, width=width) for recording in (lobe_recording(), tip_recording()))
+    led = alone(lobe_recording(), width=width)
     assert key_words(led) == ["|F|", "F₁", "F₂", "IHIP", "HIP"]
     assert [axes.get_ylabel() for axes in led.axes[1:]] == ["force (N)", "step a tick (mm)"]
-    assert [axes.get_ylabel() for axes in pushed.axes[1:]] == ["force (N)", "depth (mm)"]
     led.draw_without_rendering()
     plane, force = (axes.get_window_extent() for axes in led.axes[:2])
     assert bool(plane.x1 < force.x0) is beside
@@ -141,7 +140,9 @@ def test_of_a_run_that_is_alone_the_components_and_the_motion_are_drawn(width, b
 
 
 def test_a_long_title_takes_lines_and_covers_nothing():
-    fig = alone(lobe_recording(), make_model("cassinian"), title="a long title " * 20, width="180mm")
+    """Of a hand that is pushed, whose motion is its depth."""
+    fig = alone(tip_recording(), make_model("star"), title="a long title " * 20, width="180mm")
+    assert [axes.get_ylabel() for axes in fig.axes[1:]] == ["force (N)", "depth (mm)"]
     fig.draw_without_rendering()
     [title] = fig.texts[:1] or [fig._suptitle]
     assert title.get_window_extent().x1 <= fig.bbox.x1

@@ -276,8 +276,10 @@ def test_a_stack_that_is_not_written_to_its_end_is_waited_for_no_longer_than_tha
     monkeypatch.setattr(workers, "STACK_SIGNAL", None)
     with Workers(act, 1) as crew:
         begin_to_wait(crew, [0], tmp_path)
-        (late,) = crew.give_up(0.0)
-    assert late.error.stack == ()
+        # On a busy machine the process may have had no time of its own yet.
+        while not (given_up := crew.give_up(0.0)):
+            time.sleep(0.01)
+    assert [late.error.stack for late in given_up] == [()]
 
 
 def test_an_interpreter_of_its_own_shows_its_stack_too(tmp_path):
