@@ -182,16 +182,6 @@ def test_a_foreign_file_that_is_cut_ends_with_1(here, capsys):
     assert main(["inspect", "a.csv", "--write-mapping", "m.toml"]) == 2  # nothing is written over
 
 
-def test_a_missing_column_suggests_the_closest(here, capsys):
-    (here / "a.csv").write_text("t,pos_x\n0,1\n1,2\n")
-    (here / "m.toml").write_text(
-        '[time]\ncolumn = "t"\nunit = "s"\n[channels.hip]\ncolumns = ["posx"]\nunit = "mm"\nsign = 1\n'
-    )
-    assert main(["convert", "a.csv", "--mapping", "m.toml", "-o", "a.h5"]) == 2
-    assert "did you mean pos_x?" in capsys.readouterr().err
-    assert not (here / "a.h5").exists()
-
-
 def test_a_recording_is_converted_for_other_programs_and_back(unpictured, here):
     saved(here / "run.h5", smooth())
     for suffix in ("npz", "mat"):
