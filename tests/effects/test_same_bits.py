@@ -83,7 +83,12 @@ def taps(model, ticks=200):
 
 @pytest.mark.parametrize(
     ("effects", "model", "base"),
-    [(effects, model, base) for effects, models, bases in WAYS for model in models for base in bases],
+    [
+        pytest.param(effects, model, base, id="-".join([*(each.kind for each in effects), model["kind"], base]))
+        for effects, models, bases in WAYS
+        for model in models
+        for base in bases
+    ],
 )
 def test_an_effect_gives_the_same_bits_in_each_way(effects, model, base):
     made = make_model(**model)
