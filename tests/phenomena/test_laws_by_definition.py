@@ -178,7 +178,7 @@ class TestReliefChannel:
 
     HIP = np.column_stack([1.3e-4 * np.arange(120.0), -2e-3 + 1e-4 * np.sin(0.1 * np.arange(120.0))])
 
-    def judged(self, *, lag=0.0, share=1.0, off=0.0, channel="force", declared=0.0):
+    def judged(self, *, lag=0.0, share=1.0, off=0.0, channel="force", declared=0.0, length="standoff"):
         """A run so late, with so much of the relief, and a channel that is `off` in tick 63."""
         answers = relief_law(HEIGHTS, self.HIP).answers(Lags(0.0, 0.0))
         rows = np.arange(len(self.HIP))
@@ -190,7 +190,7 @@ class TestReliefChannel:
             )
         }
         right[channel][63, 0] += off
-        run = recorded(self.HIP, right["ihip"], right["force"], meta={"standoff": declared})
+        run = recorded(self.HIP, right["ihip"], right["force"], meta={length: declared})
         return found("texture-relief", run, LINE.with_effects(HEIGHTS))
 
     @pytest.mark.parametrize("lag", [0.0, 1.0, 3.0])
@@ -213,9 +213,12 @@ class TestReliefChannel:
         widened = self.judged(declared=1e-6).bound - self.judged().bound
         assert 1e-3 < widened < 3e-3
 
-    def test_it_is_told_where_a_tenth_of_what_the_relief_adds_is_more_than_what_is_open(self):
-        assert self.judged(declared=1e-5).outcome is PASS
-        assert self.judged(declared=1e-4).outcome is UNDECIDED
+    @pytest.mark.parametrize("length", ["standoff", "resolution"])
+    def test_it_is_told_where_a_tenth_of_what_the_relief_adds_is_more_than_what_is_open(self, length):
+        assert self.judged(declared=1e-5, length=length).outcome is PASS
+        assert self.judged(declared=1e-4, length=length).outcome is UNDECIDED
+        never = recorded(np.full((20, 2), 1e-3))
+        assert found("texture-relief", never, LINE.with_effects(HEIGHTS)).outcome is UNDECIDED
 
     @pytest.mark.parametrize("share", [0.0, 0.5, 1.3])
     def test_the_share_is_how_much_of_the_relief_the_channel_shows(self, share):
