@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from functools import lru_cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
 
 def entries_of(group: str) -> tuple[EntryPoint, ...]:
@@ -19,9 +20,9 @@ def _entries_in(folders: tuple[str, ...], group: str) -> tuple[EntryPoint, ...]:
 
 
 @lru_cache(maxsize=4)
-def _all_entries_in(folders: tuple[str, ...]) -> EntryPoints:  # noqa: ARG001
+def _all_entries_in(folders: tuple[str, ...]) -> Any:  # noqa: ARG001
     # Looked through once (20 ms) for a sys.path: a test or a notebook that adds a folder sees its entry points too.
-    return entry_points()
+    return entry_points()  # of another type before Python 3.12, and from there on EntryPoints
 
 
 def by_name(entries: Iterable[EntryPoint]) -> dict[str, EntryPoint]:
