@@ -127,6 +127,12 @@ def test_a_tool_deeper_than_a_hand_that_goes_straight_out_is_late_and_one_above_
         assert Observed(recorded(hip, delayed(hip, rows, lag), push), PLANE).lag.ihip == pytest.approx(seen, abs=0.02)
 
 
+def test_a_hand_inside_has_its_nearest_point_for_an_ihip_and_one_outside_itself():
+    hip = np.column_stack([np.linspace(-0.01, 0.01, 7), np.linspace(0.02, -0.02, 7)])
+    points = Observed(recorded(hip, hip), PLANE).with_nearest_points.ihip
+    np.testing.assert_allclose(points, np.column_stack([hip[:, 0], np.maximum(hip[:, 1], 0.0)]), atol=1e-15)
+
+
 class Steeper(Field):
     """A force that grows with the depth to the 1.5: no spring, linear or a root."""
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from made import FAIL, PASS, changed, found, recorded
+from scipy.signal import lti, step
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.geometry.catalogue import circle, line
@@ -17,7 +18,7 @@ from hapticeval.phenomena.decisions import HOLD_TICKS
 from hapticeval.phenomena.inherent import nearest_jump
 from hapticeval.phenomena.measures.crossings import length_to_next_corner
 from hapticeval.phenomena.measures.restated import answers_apart
-from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
+from hapticeval.phenomena.measures.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.observed import Observed
 from hapticeval.recordings.recording import OWN_TOOL
 from hapticeval.scene import Scene
@@ -102,13 +103,23 @@ class TestRelations:
 
 
 def test_a_held_force_lets_a_perfect_law_drift_by_its_turn_and_the_overshoot():
-    """Round 0.1 m at 5 rad/s the force of 0.25 N turns by 5 mrad in a tick; undamped, a step overshoots by twice."""
+    """Round 0.1 m at 5 rad/s the force of 0.25 N turns by 5 mrad in a tick; a step overshoots by up to twice."""
     angle = 5e-3 * np.arange(20)
     out = np.column_stack([np.cos(angle), np.sin(angle)])
     base = recorded(0.1 * out, velocity=0.5 * np.column_stack([-out[:, 1], out[:, 0]]))
     turn = 0.25 * 2.0 * math.sin(2.5e-3)
-    for damping, overshoot in ((0.0, 2.0), (2.0 * math.sqrt(50.0 * 0.1), 1.0)):
+    for damping in (0.0, 0.5, 2.0, 2.0 * math.sqrt(50.0 * 0.1)):
+        # n'' = -(K_p / m) n - (K_d / m) n' + F / m answers a step of F = K_p by its overshoot.
+        _, answer = step(lti([500.0], [1.0, 10.0 * damping, 500.0]), T=np.linspace(0.0, 2.0, 20001))
+        overshoot = max(answer.max(), 1.0)
         scene = Scene(model=circle(size=0.2), stiffness=50.0, mass=0.1, damping=damping, bilateral=True)
         motion = SurfaceMotion(Observed(base, scene))
         assert motion.held_distance() == pytest.approx(HOLD_TICKS * turn * overshoot / 50.0, rel=1e-3)
         assert motion.held_distance(19) == 0.0
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5, 4.4, 4.5, 20.0])
+def test_the_assigned_dynamics_die_out_by_the_slower_root(damping):
+    scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, damping=damping, bilateral=True)
+    slower = -np.roots([0.1, damping, 50.0]).real.max()
+    assert decay_rate(scene) == pytest.approx(slower, rel=1e-12, abs=1e-12)
