@@ -412,7 +412,7 @@ ENERGY = [
         spoiled(force_sizes.along_curves, Spring),
         LOOPS,
         "passivity",
-        words="^((?!ticks late).)*creates energy at 1 ms((?!ticks late).)*$",
+        words=r"^((?!ticks late).)*creates energy at 1 ms: .*, round \([-.\d]+, [-.\d]+\) mm until((?!ticks late).)*$",
         evidence={"lag_ticks": 0.0},
         name="along-curves",
     ),

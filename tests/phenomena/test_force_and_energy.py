@@ -229,6 +229,21 @@ def test_a_way_that_refinement_leaves_open_is_no_pass():
     assert "1 of 2 ways" in finding.message
 
 
+@pytest.mark.parametrize("dt", [1e-3, 4e-3])
+def test_a_pass_says_what_holding_the_force_adds(dt):
+    """In and out of a plane: a held spring gives sum of F_k (x_k+1 - x_k), its law nothing."""
+
+    def at(factor):
+        time = dt / factor * np.arange(round(0.8 / dt) * factor + 1)
+        hip = np.column_stack([np.zeros_like(time), np.interp(time, [0.0, 0.4, 0.8], [2e-3, -4e-3, 2e-3])])
+        ihip = np.maximum(hip, 0.0)
+        return recorded(hip, ihip, K * (ihip - hip), dt=dt / factor)
+
+    finding = found("passivity", Runs(at(1), refine=at), PLANE)
+    held = 1e3 * np.sum(at(1).force[:-1] * np.diff(at(1).hip, axis=0))
+    assert finding.message.endswith(f"at {1e3 * dt:.3g} ms holding the force adds {held:.3g} mJ")
+
+
 @pytest.mark.parametrize("duration", [0.45, 0.22, 0.17, 0.11, 0.07])
 @pytest.mark.parametrize("late", ["late-2", "late-3"])
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
