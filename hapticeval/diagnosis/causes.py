@@ -270,6 +270,8 @@ def sums(deviation: Deviation) -> Iterator[Cause]:
             right_force * (contact.point - contact.point[0])[:, axis, None] for axis in range(dimension)
         ],
     }
+    if not deviation.noisy:  # the steps of a log's contact points are its encoders'
+        columns["coupling damping"] = [contact.point_velocity - contact.velocity]
     counted = deviation.counted
     basis = np.array([column[counted].ravel() for group in columns.values() for column in group])
     products, common = basis @ basis.T, basis @ (force - right_force)[counted].ravel()
@@ -285,7 +287,7 @@ def sums(deviation: Deviation) -> Iterator[Cause]:
         numbers = np.linalg.lstsq(square / np.outer(scale, scale), common[rows] / scale, rcond=1e-12)[0] / scale
         return numbers, max(total - float(numbers @ (2.0 * common[rows] - square @ numbers)), 0.0)
 
-    dampers = {"drag", "damping", "damping everywhere", "normal damping"}
+    dampers = {"drag", "damping", "damping everywhere", "normal damping", "coupling damping"}
     for kind, rows in places.items():
         numbers, left = solve(rows)
         yield Cause(kind, _sum_words(kind, numbers), left, float(len(rows)), {kind: numbers.tolist()})
@@ -319,6 +321,7 @@ def _sum_words(kind: str, numbers: Array) -> str:
         "damping": f"a damper of {number} N s/m acts on the whole velocity in contact",
         "damping everywhere": f"a damper of {number} N s/m acts in free space too",
         "normal damping": f"its damper along the normal is off by {number} N s/m",
+        "coupling damping": f"a damper of {number} N s/m acts between tool and hand",
         "gain with time": f"it drifts: the stiffness grows by {number} of what is asked a second",
         "gain with depth": f"the stiffness grows by {text(1e-3 * float(numbers[0]))} of what is asked a mm of depth",
         "gain with place": f"the stiffness changes by {vector(1e-3 * numbers)} of what is asked a mm of way",

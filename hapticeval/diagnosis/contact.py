@@ -93,6 +93,12 @@ class RightContact:
         return dot_rows(self.velocity, self.normal)
 
     @cached_property
+    def point_velocity(self) -> Array:
+        """The contact point's velocity over the tick before each row, (n, N), m/s; in the first row the hand's."""
+        steps = np.diff(self.point, axis=0) / np.diff(self.time)[:, None]
+        return np.concatenate([self.velocity[:1], steps])
+
+    @cached_property
     def slide(self) -> Array:
         """The hand's velocity along the surface, (n, N), m/s; zero in free space."""
         return np.asarray((self.velocity - self.normal_speed[:, None] * self.normal) * self.touches[:, None])

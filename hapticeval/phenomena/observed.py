@@ -496,7 +496,8 @@ class Observed:
         """Why force or contact point are off, asked for where a check fails.
 
         Compared with the renderer's own contact point first: what explains the force to the last digits is its cause.
-        Else with a rigid tool's that is led along the hand's path, whose nearest points hold a bilateral constraint.
+        That point is where it is said to be, so that a standoff allows nothing there. Else with a rigid tool's that is
+        led along the hand's path, whose nearest points hold a bilateral constraint.
         """
         # Asked for by a failure alone: what imports checks loads none of it.
         from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
@@ -506,8 +507,11 @@ class Observed:
         ihip = self.channels.get("ihip") if not self.lacks_ihip else None
         led = self.nearest.foot if self.scene.bilateral else None
 
-        def compared_with(points: Array | None, **options: Any) -> Diagnosis:
-            """Compare the run with a right contact, its tool at `points` (n, N), m; None puts it where it is due."""
+        def compared_with(points: Array | None, tolerance: float, **options: Any) -> Diagnosis:
+            """Compare the run with a right contact, its tool at `points` (n, N), m; None puts it where it is due.
+
+            The surface may lie off the model by a `tolerance` (m).
+            """
             contact = right_contact(
                 self.boundary,
                 self.time,
@@ -517,17 +521,18 @@ class Observed:
                 damping=self.scene.damping,
                 points=points,
             )
-            return diagnose(contact, self.force, noisy=logged, tolerance=self.across_allowed, **options)
+            return diagnose(contact, self.force, noisy=logged, tolerance=tolerance, **options)
 
         def another_force() -> Array:
             assert self.fresh is not None
             return self.fresh(1).force
 
-        own = Diagnosis(False) if ihip is None else compared_with(ihip)
+        own = Diagnosis(False) if ihip is None else compared_with(ihip, self.rounding + self.log_step("hip", "ihip"))
         if own.cause is not None and own.share > EXPLAINED_EXACTLY and not logged:
             return own
         right = compared_with(
             led,
+            self.across_allowed,
             ihip=ihip,
             boundary=self.boundary if logged else None,
             again=None if self.fresh is None or logged else another_force,

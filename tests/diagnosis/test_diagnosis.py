@@ -9,6 +9,7 @@ import pytest
 from planted_causes import FAULTS, IHIP_FAULTS, Planted, Situation, as_logged, draw_situation, is_planted
 
 from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
+from hapticeval.diagnosis.fits import low_passed
 
 SEEDS = (3, 14, 15, 92)
 
@@ -95,6 +96,22 @@ def test_numbers_are_those_planted(situation: Situation) -> None:
     assert lag.cause is not None
     assert lag.cause.numbers["ticks"] == pytest.approx(7.0)
     assert "7 ms late" in lag.sentence
+
+
+def test_a_damper_between_tool_and_hand_is_told_by_the_tool_s_own_points(situation: Situation) -> None:
+    """F = K (p - h) + B (p' - h'), as a virtual coupling gives it, with a tool that sinks in and is late."""
+    led = situation.contact
+    point = low_passed(led.point, 0.1) + 0.05 * (led.hip - led.point)
+    speed = np.concatenate([led.velocity[:1], np.diff(point, axis=0) / np.diff(led.time)[:, None]])
+    force = led.stiffness * (point - led.hip) + 7.0 * (speed - led.velocity)
+    contact = right_contact(
+        situation.model.boundary, led.time, led.hip, led.velocity, stiffness=led.stiffness, points=point
+    )
+    diagnosis = diagnose(contact, force)
+    assert diagnosis.kind == "coupling damping"
+    assert diagnosis.sentence == "a damper of 7 N s/m acts between tool and hand"
+    softer = diagnose(contact, force - 0.2 * led.stiffness * (point - led.hip))
+    assert set(softer.kind.split(" + ")) == {"gain", "coupling damping"}
 
 
 def test_a_random_renderer_is_called_random(situation: Situation) -> None:
