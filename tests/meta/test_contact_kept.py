@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import honest
 import numpy as np
 import pytest
@@ -214,6 +216,42 @@ def test_a_hand_that_stays_outside_is_right_to_feel_nothing():
     far = finding_of(resolve("minimum-distance"), circle(), along([0.0, 101.0], [10.0, 99.0]))
     assert far.outcome is Outcome.NOT_APPLICABLE
     assert "is its unit the metre?" in far.message
+
+
+def on_hull(name):
+    """The factory of a renderer that takes the L for its convex hull, as physics engines do."""
+    hull = from_vertices([corner for corner in L_SHAPE if corner != [0.1, 0.1]])
+    return lambda scene: resolve(name)(replace(scene, model=hull))
+
+
+IN_THE_NOTCH = ([0.13, 0.13], [0.2, 0.2], [0.13, 0.13])
+"""A stay in the notch of the L: the hull's edge is 28 mm outside of it, and the L 30 mm."""
+
+
+@pytest.mark.parametrize("begin", [0, 1], ids=["inside of the hull", "outside"])
+@pytest.mark.parametrize("name", ["minimum-distance", "coupled"])
+def test_the_hull_of_a_notch_is_felt_in_free_space(name, begin):
+    """Spring or coupled tool alike: the IHIP stays at the hull, or is pushed to it, and the hand is pushed for long."""
+    path = along(*IN_THE_NOTCH[begin:], duration=0.8)
+    finding = finding_of(on_hull(name), from_vertices(L_SHAPE), path)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == "haunts"
+    assert finding.metric.unit == "N"
+    assert finding.metric.value > 0.75 * 1000.0 * 0.028
+    assert finding_of(resolve(name), from_vertices(L_SHAPE), path).outcome is not Outcome.FAIL
+
+
+@pytest.mark.parametrize("stiffness", [100.0, 1000.0])
+@pytest.mark.parametrize("duration", [0.05, 0.2, 0.6])
+def test_a_coupled_tool_that_is_free_trails_a_hand_that_turns_round(stiffness, duration):
+    """Its inertia is felt, and is no contact's."""
+    zigzag = along([0.2, 0.2], [0.13, 0.13], [0.2, 0.13], [0.13, 0.14], [0.13, 0.2], duration=duration)
+    scene = Scene(model=from_vertices(L_SHAPE), stiffness=stiffness)
+    recording = play(resolve("coupled")(scene), zigzag, DT, scene=scene)
+    assert np.linalg.norm(recording.force, axis=1).max() > 0.01
+    finding = CHECKS["contact-kept"](Runs(recording), scene)
+    # Nothing is touched, and something felt: nothing shows whether contact is kept.
+    assert finding.outcome is Outcome.INCONCLUSIVE, finding.message
 
 
 def test_a_claimed_standoff_is_no_licence():

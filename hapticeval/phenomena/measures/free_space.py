@@ -63,8 +63,7 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
     if rows.size == 0:
         return pushed
     clear = base.boundary.signed_distance(base.ihip[rows]) > allowed[rows]
-    trails = np.zeros(rows.size, dtype=bool)
-    trails[clear] = _trails(base, rows[clear], allowed)
+    trails = _trails(base, rows, clear, allowed)
     outside, is_open, barred = (np.zeros(len(base), dtype=bool) for _ in range(3))
     outside[rows[~trails]] = True
     grain = FINEST_GRAIN * base.scene.model.size
@@ -79,7 +78,7 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
             is_open[begin:end] = False
     # What is late outlasts a contact by three ticks, or is three ahead of one.
     settled = np.convolve(barred | (felt & (distance <= 0.0)), np.ones(2 * LAG_TICKS + 1), mode="same") > 0.0
-    return pushed | (is_open & ~settled) | _begun_outside(base, felt, outside, grain)
+    return pushed | (is_open & ~settled) | _begun_outside(base, felt, outside, distance > allowed, grain)
 
 
 def _way_in_lag(base: Observed) -> Array:
@@ -90,18 +89,29 @@ def _way_in_lag(base: Observed) -> Array:
     return np.asarray(np.maximum(along - along[before], along[after] - along))
 
 
-def _trails(base: Observed, rows: IntArray, allowed: Array) -> BoolArray:
-    """Return at which of `rows` (k,) the IHIP is where the hand has been in free space, but for cut corners: (k,).
+def _trails(base: Observed, rows: IntArray, clear: BoolArray, allowed: Array) -> BoolArray:
+    """Return at which of `rows` (k,) the IHIP may be a free tool's, which the hand pulls along by a spring: (k,).
 
-    Within `allowed` (n,), m, or half of its distance from the hand: so far a tool that follows a path with a lag leaves
-    it where the path turns round.
+    Either it is `clear` (k,) of the surface, and where the hand has been in free space within a swing of the scene's
+    mass on its spring, but for cut corners: within `allowed` (n,), m, or half of its distance from the hand. So far a
+    tool that follows a path with a lag leaves it where the path turns round.
+
+    Or its own inertia carries it: a hand that changes its velocity by dv is left by dv (m / K)^(1/2) at the most, and
+    with the coupling's damper by next to nothing a swing later. What stays farther behind is held by something else.
     """
+    # m x'' + K x = 0: the time in which the tool's angle goes on by one radian, s
+    radian = float(np.sqrt(base.scene.mass / base.scene.stiffness))
+    # The run begins with a tool at rest, or with the hand.
+    turned = running_sums(lengths_of(np.diff(base.velocity, axis=0, prepend=np.zeros_like(base.velocity[:1]))))
     trails = np.zeros(rows.size, dtype=bool)
     for begin, end in runs_of(base.distance > 0.0):
         for row in np.flatnonzero((rows >= begin) & (rows < end)).tolist():
             tick = int(rows[row])
-            from_path = np.linalg.norm(base.hip[begin : tick + 1] - base.ihip[tick], axis=1)
-            trails[row] = from_path.min() <= max(allowed[tick], 0.5 * from_path[-1])
+            since = int(np.searchsorted(base.time, base.time[tick] - 2.0 * np.pi * radian))
+            from_path = np.linalg.norm(base.hip[max(begin, since) : tick + 1] - base.ihip[tick], axis=1)
+            carried = radian * (turned[tick + 1] - turned[since])
+            follows = clear[row] and from_path.min() <= max(allowed[tick], 0.5 * from_path[-1])
+            trails[row] = follows or from_path[-1] <= carried
     return trails
 
 
@@ -119,13 +129,20 @@ def _is_way_open(base: Observed, tick: int, reach: float, grain: float) -> bool:
     return all(boundary.first_crossing(other, hand, grain=grain) is None for other in boundary.around(tool, reach))
 
 
-def _begun_outside(base: Observed, felt: BoolArray, outside: BoolArray, grain: float) -> BoolArray:
-    """Return where a contact is felt, (n,), that has begun outside of the model, up to where the hand is at it."""
+def _begun_outside(base: Observed, felt: BoolArray, outside: BoolArray, clear: BoolArray, grain: float) -> BoolArray:
+    """Return where a contact is felt, (n,), that has begun outside of the model, up to where the hand is at it.
+
+    The hand is `clear` (n,) where it is farther from the model than it gets in three ticks.
+    """
     begun = np.zeros(len(base), dtype=bool)
     for begin, end in runs_of(outside):
-        # One that was felt before has begun elsewhere, and a recording of others may begin in contact.
-        recorded_in_contact = begin == 0 and base.meta.get("source") not in SIMULATED
-        if recorded_in_contact or felt[max(begin - LAG_TICKS, 0) : begin].any():
+        # Back to where it began to be felt, but for gaps of three ticks.
+        start = begin
+        while start > 0 and felt[max(start - LAG_TICKS, 0) : start].any():
+            start -= 1
+        # One that was felt where the hand was at the model has begun there, and a recording of others may begin so.
+        recorded_in_contact = start == 0 and base.meta.get("source") not in SIMULATED
+        if recorded_in_contact or not clear[start:begin].all():
             continue
         for tick in range(begin, end):
             last = base.hip[max(tick - LAG_TICKS, 0)]
