@@ -49,6 +49,9 @@ SPIKE_SHARE, SPIKE_TICKS = 0.05, 3
 LEAST_BEND = 0.01
 """An exponent of the depth that is nearer to one than this is a spring's; *chosen*."""
 
+LEAST_OFFSET = 1e-9
+"""m: a surface that is off by less is where it should be: rounding of positions of a metre; *chosen*."""
+
 MOST_DELAY = 0.3
 """s: the longest delay that is looked for; a hand takes as long to react; *chosen*."""
 
@@ -287,7 +290,7 @@ def sums(deviation: Deviation) -> Iterator[Cause]:
         numbers = np.linalg.lstsq(square / np.outer(scale, scale), common[rows] / scale, rcond=1e-12)[0] / scale
         return numbers, max(total - float(numbers @ (2.0 * common[rows] - square @ numbers)), 0.0)
 
-    dampers = {"drag", "damping", "damping everywhere", "normal damping", "coupling damping"}
+    dampers = {"drag", "damping", "damping everywhere", "normal damping"}
     for kind, rows in places.items():
         numbers, left = solve(rows)
         yield Cause(kind, _sum_words(kind, numbers), left, float(len(rows)), {kind: numbers.tolist()})
@@ -447,7 +450,8 @@ def depths(deviation: Deviation) -> Iterator[Cause]:
         offset = float(np.mean(along[on] / contact.stiffness - contact.depth[on]))
     model = contact.stiffness * np.maximum(contact.depth + offset, 0.0)[:, None] * contact.normal
     place = f"{text(1e3 * abs(offset))} mm {'outside' if offset > 0 else 'inside'} the model"
-    yield Cause("offset", f"the force begins {place}", deviation.left_by(model), 1.0, {"metres": offset})
+    if abs(offset) > LEAST_OFFSET:
+        yield Cause("offset", f"the force begins {place}", deviation.left_by(model), 1.0, {"metres": offset})
     middle = float(np.median(contact.depth[deep]))
     share = np.where(contact.touches, contact.depth / middle, 0.0)
 

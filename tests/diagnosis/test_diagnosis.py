@@ -112,6 +112,16 @@ def test_a_damper_between_tool_and_hand_is_told_by_the_tool_s_own_points(situati
     assert diagnosis.sentence == "a damper of 7 N s/m acts between tool and hand"
     softer = diagnose(contact, force - 0.2 * led.stiffness * (point - led.hip))
     assert set(softer.kind.split(" + ")) == {"gain", "coupling damping"}
+    # In a scene with a damper along the normal, which the coupling's takes the place of.
+    asked = right_contact(
+        situation.model.boundary, led.time, led.hip, led.velocity, stiffness=led.stiffness, damping=3.0, points=point
+    )
+    replaced = diagnose(asked, force)
+    assert set(replaced.kind.split(" + ")) == {"normal damping", "coupling damping"}
+    assert replaced.cause is not None
+    assert replaced.cause.numbers["normal damping"] == pytest.approx([-3.0])
+    # The tool's own spring without that damper begins where it should.
+    assert diagnose(asked, led.stiffness * (point - led.hip)).kind == "normal damping"
 
 
 def test_a_random_renderer_is_called_random(situation: Situation) -> None:
