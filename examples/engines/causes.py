@@ -11,6 +11,13 @@ SPRING_ORBIT = "A spring holds the hand on its circle by a position error alone.
 FREE_TOOL = "a force that the hand feels of a free tool counts as contact, and in contact the tool sinks in."
 THROWN_OUT = "The run begins inside of the convex hull, in free space of the model, and is thrown out."
 
+IN_THE_HULL = "A hand in a notch is inside of the convex hull, and pushed in free space of the model."
+FELT_BY_COUPLING = "A tool that is not at the hand in free space is felt by the coupling."
+CORNER_OF_A_SPRING = (
+    "The tool rests in the corner, where the spring to it turns with the hand. Where the hand's way bends, the "
+    "coupling's damper tilts the force as well."
+)
+
 DEEP_DEPTH = "Of a body of 5,120 facets the depth is off: deep in the ellipsoid up to 1.74 times the true one."
 LEAPS = "The path leaps between far places in a tick, and a tool that has mass is still on its way."
 BALL_AS_LARGE = "The ball of 0.1 mm is as large as the model, and stands off by that."
@@ -39,7 +46,7 @@ COUPLED = {
 
 MUJOCO_COUPLED = {
     **COUPLED,
-    "contact-kept": f"{THROUGH_IN_A_TICK} A free tool's inertia is felt in free space.",
+    "contact-kept": f"{IN_THE_HULL} {THROUGH_IN_A_TICK} {FELT_BY_COUPLING}",
     "continuous-contact": f"{THROWN_OUT} On convex models {FREE_TOOL}",
     "passivity": THROWN_OUT,
 }
@@ -47,8 +54,7 @@ MUJOCO_COUPLED = {
 BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     "mujoco-query": {
         **QUERY,
-        "contact-kept": f"A hand in a notch is inside of the convex hull, and pushed in free space of the model. "
-        f"{THROUGH_IN_A_TICK}",
+        "contact-kept": f"{IN_THE_HULL} {THROUGH_IN_A_TICK}",
         "contact-normal-force": "In a notch the contact is with the convex hull. Elsewhere the normal is as good as "
         "`ccd_tolerance`: on a cube 3e-4 degrees off with the default of 1e-6, and 1e-9 with 1e-12.",
         "continuous-contact": f"{NEAREST_FACE} In a notch it is the convex hull's, off the model.",
@@ -56,8 +62,7 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     "mujoco-coupled": MUJOCO_COUPLED,
     "mujoco-stiff": {
         **MUJOCO_COUPLED,
-        "contact-kept": f"{THROWN_OUT} {THROUGH_IN_A_TICK} At the star's tip the tool leaves the thin end on its "
-        "other side.",
+        "contact-kept": f"{THROWN_OUT} {IN_THE_HULL} {THROUGH_IN_A_TICK} {FELT_BY_COUPLING}",
     },
     "fcl-triangles": {
         "broken-contact": "Where the hand goes out by the other face, the ball touches that one from inside.",
@@ -75,7 +80,7 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     },
     "fcl-coupled": {
         **COUPLED,
-        "contact-kept": "A tool that is not at the hand in free space is felt by the coupling.",
+        "contact-kept": f"{THROUGH_IN_A_TICK} {FELT_BY_COUPLING}",
         "continuous-contact": "On the ellipsoid the normal is up to 35 degrees off, and a steady push slides. On "
         f"models with plane faces {FREE_TOOL}",
     },
@@ -86,8 +91,9 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
     },
     "bullet-coupled": {
         **COUPLED,
+        "abrupt-switch": CORNER_OF_A_SPRING,
         "contact-kept": "Triangles have two sides: a tool that is through them stays inside, and holds the hand that "
-        "leaves.",
+        f"leaves. {FELT_BY_COUPLING}",
         "continuous-contact": f"At the start of a path {FREE_TOOL}",
     },
 }
