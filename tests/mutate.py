@@ -64,6 +64,8 @@ TESTS = (
     "tests/recordings",
     "tests/suites",
     "tests/runner",
+    "tests/simulation",
+    "tests/devices",
     "tests/test_value_types.py",
 )
 SURVIVORS = Path(__file__).with_name("survivors.toml")

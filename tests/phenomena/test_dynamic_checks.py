@@ -11,11 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.sensors import ForceSensor
 from hapticeval.effects.viscous_friction import Viscosity
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.decisions import EXTRAPOLATION_ROUNDING
 from hapticeval.phenomena.measures.refinement import extrapolated, richardson_two_level
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion
 from hapticeval.phenomena.observed import Observed
@@ -154,6 +156,23 @@ def test_evidence_puts_measured_beside_closed_form():
     assert [moment["time"] for moment in moments] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
     assert moments[2]["closed_form_distance"] == pytest.approx(0.01038366961, abs=1e-10)
     assert moments[2]["measured_distance"] == pytest.approx(0.01038366961, abs=1e-7)
+
+
+def test_of_the_closed_form_itself_rounding_alone_is_granted():
+    scene, position, velocity = STARTS["line"]
+
+    def at(factor):
+        dt = 1e-3 / factor
+        motion = CLOSED_FORMS["6.19"].motion(
+            scene, np.array(position), np.array(velocity), dt * np.arange(100 * factor + 1)
+        )
+        still = np.zeros_like(motion.hip)
+        return recorded(motion.hip, force=still, dt=dt, meta=EXPERIMENT, velocity=motion.velocity, operator_force=still)
+
+    finding = found("closed-form", Runs(at(1), refine=at, closed_form="6.19"), scene)
+    travel = np.linalg.norm(at(1).hip - position, axis=1).max()
+    assert finding.outcome is PASS
+    assert finding.bound == pytest.approx(EXTRAPOLATION_ROUNDING * travel, rel=0.1)
 
 
 def test_a_viscous_surface_is_asked_to_be_viscous():
@@ -365,6 +384,17 @@ def test_three_powers_of_the_tick_are_removed(c):
     values, correction = extrapolated(decaying(dict(zip((1, 2, 3), c, strict=True))), lambda recording: recording.hip)
     np.testing.assert_allclose(values, 1.0, atol=1e-13)
     assert correction >= 0.0
+
+
+@pytest.mark.parametrize("ended", [2, 4])
+def test_a_finer_run_that_ends_early_leaves_nothing_to_extrapolate(ended):
+    whole = decaying({1: 0.1})
+
+    def finer(factor):
+        run = whole.refine(factor)
+        return changed(run, rows=slice(len(run) // 2)) if factor == ended else run
+
+    assert extrapolated(Runs(whole.base, refine=finer), lambda recording: recording.hip) is None
 
 
 def test_what_does_not_shrink_with_the_tick_is_not_extrapolated():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made import FAIL, NO, PASS, changed, found, outcome
+from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome
 from test_helpers_by_definition import LINE, slide
 
 from hapticeval.phenomena.check import Runs
@@ -90,6 +90,9 @@ def test_with_a_scatter_a_hand_that_goes_another_way_ends_the_comparison():
     assert judged(**away).outcome is FAIL
     assert judged(**away, scatter={"force_scatter": 0.01}).outcome is PASS
     assert judged(kept=slice(0, 9), hand=1e-6, scatter={"force_scatter": 0.01}).outcome is PASS
+    # One row is compared where the hands part in the next, and none where they begin apart.
+    for rows, expected in ((slice(1, None), PASS), (slice(0, None), UNDECIDED)):
+        assert judged(rows, **away, scatter={"force_scatter": 0.01}).outcome is expected
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.world import in_body, in_world, poses_of
 from hapticeval.renderer import AtRest, Response
 from hapticeval.runner.judging import judge
+from hapticeval.runner.siblings import SiblingRuns
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import make_renderer
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -267,6 +268,13 @@ def test_of_a_body_that_jumps_each_stretch_is_judged_by_itself():
          "scene": {"motion": motion}, "trajectory": path},
         Case, "case",
     )  # fmt: skip
+    siblings = SiblingRuns(moving_spring, case.build_scene(), case, "spring")
+    stretches = siblings.judged_parts(siblings.runs())
+    assert len(stretches) == 2
+    for stretch in stretches:
+        fine = stretch.refine(4)
+        assert len(fine) == 4 * (len(stretch.base) - 1) + 1
+        assert np.array_equal(fine.hip[::4], stretch.base.hip)
     judged = judge(moving_spring, "spring", "moving", case)
     assert judged.recording is not None
     assert [verdict.outcome.value for verdict in judged.verdicts] == ["pass", "pass"]
