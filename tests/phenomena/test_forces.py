@@ -14,6 +14,7 @@ from hapticeval.geometry.catalogue import circle, from_vertices, line, make_mode
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.impulsive_collision import operator_until_met
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -63,6 +64,15 @@ def test_a_tilted_force_fails_by_its_angle(tilt, side):
     finding = found("contact-normal-force", pressed(tilt=side * tilt), PLANE)
     assert finding.outcome is FAIL
     assert finding.metric.value == pytest.approx(np.degrees(tilt), rel=1e-6)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+def test_without_an_ihip_the_angle_at_the_nearest_point_is_told_and_decides_nothing(tilt):
+    run = pressed(tilt=tilt)
+    bare = Recording(run.time, {"hip": run.hip, "force": run.force}, run.meta)
+    finding = found("contact-normal-force", bare, PLANE)
+    assert finding.outcome is UNDECIDED
+    assert f"the force is {np.degrees(tilt):.3g} deg off, and it is not declared" in finding.message
 
 
 def test_hundreds_of_newtons_have_no_power_of_ten():

@@ -13,7 +13,7 @@ from made import recorded
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
-from hapticeval.phenomena.lag import Lag, delayed, force_only_lag, least_misfit
+from hapticeval.phenomena.lag import Lag, delayed, force_only_lag, least_misfit, likely_force_lags
 from hapticeval.phenomena.observed import Observed
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
@@ -131,6 +131,16 @@ def test_a_hand_inside_has_its_nearest_point_for_an_ihip_and_one_outside_itself(
     hip = np.column_stack([np.linspace(-0.01, 0.01, 7), np.linspace(0.02, -0.02, 7)])
     points = Observed(recorded(hip, hip), PLANE).with_nearest_points.ihip
     np.testing.assert_allclose(points, np.column_stack([hip[:, 0], np.maximum(hip[:, 1], 0.0)]), atol=1e-15)
+
+
+@pytest.mark.parametrize(("ticks", "likely"), [(1.5, True), (3.0, True), (5.0, False)])
+def test_a_force_later_than_three_ticks_has_no_likely_lag(ticks, likely):
+    recording = play(Spring(ROUND), slide(ROUND), DT, scene=ROUND)
+    rows = np.arange(len(recording))
+    force = 1000.0 * (recording.ihip - delayed(recording.hip, rows, ticks))
+    made = recorded(recording.hip, recording.ihip, force, dt=DT)
+    lags = likely_force_lags(made, Observed(made, ROUND).pressed)
+    assert any(lag == pytest.approx((ticks, 0.0), abs=1e-3) for lag in lags) is likely
 
 
 class Steeper(Field):

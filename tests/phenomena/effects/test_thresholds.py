@@ -89,6 +89,19 @@ def test_of_an_impulse_a_billionth_and_the_rounding_of_its_forces_are_granted(nu
     assert bound == pytest.approx(1e-9 * 0.02 + rounding.sum() * 1e-3, rel=1e-7, abs=0.0)
 
 
+def test_a_force_that_begins_far_behind_its_contact_grants_no_more():
+    """Late by up to three ticks a renderer's force may begin: one that begins five ticks after it is something else."""
+    run, plain = strike(5)
+    silent = slice(int(np.argmax(run.hip[:, 1] < 0.0)) + 5)
+    force = plain.force.copy()
+    force[silent] = 0.0
+    blow = run.force - plain.force
+    plain = changed(plain, force=force)
+    run = changed(run, force=force + blow)
+    scene = Scene(model=LINE, effects=(ContactImpulse(),))
+    assert outcome("transient-onset", Runs(run, without=lambda kind: plain), scene) is FAIL
+
+
 @pytest.mark.parametrize(("lasts", "expected"), [(1, UNDECIDED), (2, FAIL)])
 def test_a_contact_that_ends_before_its_answer_is_late_decides_nothing(lasts, expected):
     run, plain = strike(5)
