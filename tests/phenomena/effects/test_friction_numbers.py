@@ -13,6 +13,7 @@ from hapticeval.geometry.catalogue import circle, line, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks import friction, friction_work
 from hapticeval.phenomena.checks.friction import break_away_ticks
+from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.measures.friction_check import judge_with_lag
 from hapticeval.phenomena.measures.surface_force import surface_force_of
 from hapticeval.phenomena.observed import Observed
@@ -51,6 +52,11 @@ class TestBreakAway:
 
     def ticks(self, base):
         return break_away_ticks(Observed(base, SCENE), surface_force_of(Observed(base, SCENE)), 0.6 * 0.3).tolist()
+
+    def test_it_has_rested_for_longer_than_the_granted_lag(self):
+        for rest in range(1, 10):
+            ticks = self.ticks(self.ends_with(1e-3, rest=rest))
+            assert ticks == ([rest + 3] if rest > LAG_TICKS else []), rest
 
     def test_one_that_rests_at_a_corner_may_change_its_face(self):
         corner = star().curve.corners[0].position
