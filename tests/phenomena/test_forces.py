@@ -130,6 +130,15 @@ def collision(*, ticks, restitution=0.0, speed=0.3):
     return recorded(hip, ihip, force, meta=LOOP, velocity=np.column_stack([np.full(n, 0.1), along]))
 
 
+def test_a_spring_gives_an_impulse_by_the_depths_that_the_hand_is_inside():
+    run = collision(ticks=4, restitution=0.5)
+    depths, struck = np.array([2e-3, 1e-3, -1e-3, 3e-3]), int(np.argmax(run.force[:, 1] > 0.0))
+    hip, ihip = run.hip.copy(), run.ihip.copy()
+    hip[struck : struck + 4, 1], ihip[struck : struck + 4, 1] = -depths, 0.0
+    finding = found("impulsive-collision", changed(run, hip=hip, ihip=ihip), PLANE)
+    assert finding.facts.spring_impulse_Ns == pytest.approx(1000.0 * np.maximum(depths, 0.0).sum() * 1e-3)
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("ticks", [1, 2, 4])
 def test_an_impulse_within_four_ticks_passes(ticks, restitution):
