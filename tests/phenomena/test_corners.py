@@ -41,6 +41,25 @@ def test_a_force_that_keeps_to_the_corner_and_is_gone_passes(backwards):
     assert outcome("broken-contact", over_the_tip(backwards=backwards), SCENE) is PASS
 
 
+@either_way
+@pytest.mark.parametrize("number", range(4))
+def test_the_face_before_a_corner_reaches_to_the_corner_before(number, backwards):
+    """Along a whole side of a rectangle, long or short, and over its end."""
+    model = from_vertices([[0.0, 0.0], [0.2, 0.0], [0.2, 0.05], [0.0, 0.05]])
+    corner = model.curve.corners[number]
+    ahead, normal = corner.tangent_pre, corner.normal_pre
+    if backwards:
+        ahead, normal = -corner.tangent_post, corner.normal_post
+    x = np.arange(-np.abs(ahead) @ [0.19, 0.04], 0.01, 1e-4) + 3e-5
+    hip = corner.position + x[:, None] * ahead - 2e-3 * normal
+    touching = (x <= 0.0)[:, None]
+    run = recorded(hip, np.where(touching, hip + 2e-3 * normal, hip), np.where(touching, 2.0 * normal, 0.0))
+    scene = Scene(model=model)
+    assert outcome("broken-contact", run, scene) is PASS
+    (crossing,) = find_crossings(Observed(run, scene), convex=True)
+    assert crossing.tool[x <= 0.0].all()
+
+
 @given(distance=st.floats(2e-4, 0.015), backwards=st.booleans())
 @settings(max_examples=30)
 def test_how_far_too_early_or_too_late_is_measured(distance, backwards):
