@@ -122,7 +122,7 @@ def facet_grid(rows: Array, margin: float) -> FacetGrid:
 def cubes_between(grid: Array, p: Triple, q: Triple) -> tuple[int, int, int, int, int, int]:
     """Return the first and the last cube along x, y and z of the box that p (3,) and q (3,), m, span.
 
-    None of it is outside the `grid`.
+    Cubes outside the `grid` are left out.
     """
     cells = as_record(grid, CELL_GRID)
     return (

@@ -148,9 +148,8 @@ def _is_pressed(base: Observed, normal: Array, rows: slice) -> bool:
     softest, _ = base.stiffness_range or (1.0, 1.0)
     depths = (base.ihip[rows] - base.hip[rows]) @ normal
     least_force = softest * base.scene.stiffness * depths
-    return bool(
-        np.all(base.force[rows] @ normal >= least_force - IMPULSE_ROUNDING * np.abs(least_force).max(initial=0.0))
-    )
+    rounding = IMPULSE_ROUNDING * np.abs(least_force).max(initial=0.0)
+    return bool(np.all(base.force[rows] @ normal >= least_force - rounding))
 
 
 def _spring_impulse(base: Observed, normal: Array, rows: slice) -> float:

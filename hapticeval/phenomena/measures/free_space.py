@@ -99,17 +99,18 @@ def _trails(base: Observed, rows: IntArray, clear: BoolArray, allowed: Array) ->
     Or its own inertia carries it: a hand that changes its velocity by dv is left by dv (m / K)^(1/2) at the most, and
     with the coupling's damper by next to nothing a swing later. What stays farther behind is held by something else.
     """
-    # m x'' + K x = 0: the time in which the tool's angle goes on by one radian, s
+    # m x'' + K x = 0: the time in which its swing goes on by one radian, s
     radian = float(np.sqrt(base.scene.mass / base.scene.stiffness))
-    # The run begins with a tool at rest, or with the hand.
-    turned = running_sums(lengths_of(np.diff(base.velocity, axis=0, prepend=np.zeros_like(base.velocity[:1]))))
+    # Sums of |dv|, m/s, from rest on: the run begins with a tool at rest, or with the hand.
+    changes = np.diff(base.velocity, axis=0, prepend=np.zeros_like(base.velocity[:1]))
+    velocity_changes = running_sums(lengths_of(changes))
     trails = np.zeros(rows.size, dtype=bool)
     for begin, end in runs_of(base.distance > 0.0):
         for row in np.flatnonzero((rows >= begin) & (rows < end)).tolist():
             tick = int(rows[row])
             since = int(np.searchsorted(base.time, base.time[tick] - 2.0 * np.pi * radian))
             from_path = np.linalg.norm(base.hip[max(begin, since) : tick + 1] - base.ihip[tick], axis=1)
-            carried = radian * (turned[tick + 1] - turned[since])
+            carried = radian * (velocity_changes[tick + 1] - velocity_changes[since])
             follows = clear[row] and from_path.min() <= max(allowed[tick], 0.5 * from_path[-1])
             trails[row] = follows or from_path[-1] <= carried
     return trails

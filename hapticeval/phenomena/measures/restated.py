@@ -66,7 +66,7 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
 def apart_beside_ties(runs: Runs, apart_from: Callable[[Observed], Array], reach: float, scene: Scene) -> Array:
     """Return how far answers are, by `apart_from`, from the nearest ones of hands that are off by up to `reach`, m.
 
-    `apart_from` compares a run with others row by row: (n,), m, as is returned.
+    `apart_from` compares a run with others: (n,) or, of k others, (k, n), m, as is returned.
     Where a way passes an edge nearer than that, it is a tie on which side: either answer is right, and no third. Needs
     the sibling `moved`.
     """
