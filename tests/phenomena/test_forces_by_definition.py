@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from made import changed, recorded
+from made import changed, found, recorded
 from scipy.integrate import solve_ivp
 
 from hapticeval.effects.friction import Friction
@@ -132,6 +132,17 @@ class TestStiffness:
         farthest = 1.0 + (3.0 * STEP / 2.5e-3) ** 2
         np.testing.assert_allclose(measured.low[inner][3:], 0.8 / farthest * 2.5 / 3.0, rtol=1e-6)
         np.testing.assert_allclose(measured.high[inner], 0.8 * 2.5 / 2.0, rtol=1e-6)
+
+    def test_what_is_told_of_the_deepest_is_of_one_tick(self):
+        """A hand that dips to 30 mm at once, within a lag of where its contact begins and again later."""
+        ticks = np.arange(COUNT)
+        depth = np.where(ticks < 5, -1e-2, np.where((ticks == 7) | (ticks == 20), 3e-2, 1e-2))
+        hip = np.column_stack([STEP * ticks, -depth])
+        ihip = np.column_stack([hip[:, 0], np.maximum(hip[:, 1], 0.0)])
+        finding = found("force-magnitude", recorded(hip, ihip), LINE)
+        assert finding.outcome is Outcome.PASS
+        assert finding.evidence["depth_m"] == pytest.approx(3e-2)
+        assert finding.evidence["force_N"] == pytest.approx(30.0)
 
 
 class TestCauses:

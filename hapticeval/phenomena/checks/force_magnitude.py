@@ -171,8 +171,9 @@ def _evidence(base: Observed, measured: ApparentStiffness, worst: int) -> dict[s
     """Return as evidence the spread of the apparent stiffness (N/m), and force and depth where it is deepest."""
     inner = measured.rows(~measured.begins) if not measured.begins.all() else measured
     low, median, high = (base.scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
-    deepest = worst_row(measured.depth)
-    size, depth = float(np.linalg.norm(base.force[measured.ticks[deepest]])), float(measured.depth[deepest])
+    # Where the contact begins or ends the depth is the largest that a late force may answer, and not that of its tick.
+    deepest = worst_row(inner.depth)
+    size, depth = float(np.linalg.norm(base.force[inner.ticks[deepest]])), float(inner.depth[deepest])
     return {
         **base.evidence_at(int(measured.ticks[worst])),
         "apparent_stiffness_N_m": median,
