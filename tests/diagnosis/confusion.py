@@ -12,7 +12,18 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 
 import numpy as np
-from planted_causes import FAULTS, IHIP_FAULTS, Fault, Planted, Situation, as_logged, draw_situation, is_planted
+from planted_causes import (
+    COUPLED_FAULTS,
+    FAULTS,
+    IHIP_FAULTS,
+    Fault,
+    Planted,
+    Situation,
+    as_logged,
+    draw_situation,
+    is_planted,
+    with_coupled_tool,
+)
 
 from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 
@@ -44,6 +55,8 @@ def plants() -> Iterator[tuple[str, str, Fault]]:
         yield kind.strip(), "force", plant
     for kind, plant in IHIP_FAULTS.items():
         yield kind.strip(), "contact point", plant
+    for kind, plant in COUPLED_FAULTS.items():
+        yield kind, "force of a tied tool", plant
 
 
 def diagnose_log(planted: Planted, situation: Situation) -> Diagnosis:
@@ -63,13 +76,14 @@ def main(count: int, *seeds: int) -> None:
     }
     alarms = Counter[str]()
     for rng in (rng for rng in map(np.random.default_rng, seeds) for _ in range(count)):
-        situation = draw_situation(rng)
-        contact = situation.contact
-        right = Planted(contact.force, contact.point)
-        alarms["renderer"] += diagnose(contact, contact.force, contact.point).off
-        alarms["log"] += diagnose_log(right, situation).off
+        rigid = draw_situation(rng)
+        tied = with_coupled_tool(rigid)
+        right = Planted(rigid.contact.force, rigid.contact.point)
+        alarms["renderer"] += diagnose(rigid.contact, *right).off
+        alarms["log"] += diagnose_log(right, rigid).off
         for kind, channel, plant in plants():
-            planted = plant(situation)
+            situation = tied if plant in COUPLED_FAULTS.values() else rigid
+            contact, planted = situation.contact, plant(situation)
             effect = np.linalg.norm(planted.force - contact.force) / np.linalg.norm(contact.force)
             if effect > 1e-4:
                 begin = time.process_time()

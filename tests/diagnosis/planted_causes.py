@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -281,6 +281,35 @@ IHIP_FAULTS: dict[str, Fault] = {
     "hold": _both(lambda p, c, r: _held(p, int(r.integers(3, 20)))),
     "low-pass": _both(lambda p, c, r: _low_passed(p, float(r.uniform(2e-3, 0.03)), c.step, p[0])),
 }
+
+
+def with_coupled_tool(situation: Situation) -> Situation:
+    """Return a situation whose tool is late and sinks in, as a coupling has it: its points are those to compare with.
+
+    The contact point of a rigid tool on a flat face stands still along the normal, where a damper between tool and hand
+    and one along the normal are the same.
+    """
+    led, rng = situation.contact, situation.rng
+    late = _low_passed(led.point, float(rng.uniform(0.01, 0.1)), led.step, led.point[0])
+    points = late + rng.uniform(0.02, 0.1) * (led.hip - led.point)
+    points = np.where(led.touches[:, None], points, led.hip)
+    boundary, damping = situation.model.boundary, situation.damping
+    contact = right_contact(
+        boundary, led.time, led.hip, led.velocity, stiffness=led.stiffness, damping=damping, points=points
+    )
+    return replace(situation, contact=contact)
+
+
+def _coupled(contact: RightContact, rng: np.random.Generator) -> Array:
+    damper: Array = rng.uniform(0.3, 5.0) * (contact.point_velocity - contact.velocity)
+    return damper
+
+
+COUPLED_FAULTS: dict[str, Fault] = {
+    "coupling damping": _force_only(lambda f, c, r: f + _coupled(c, r)),
+    "gain + coupling damping": _force_only(lambda f, c, r: _factor(r) * f + _coupled(c, r)),
+}
+"""Faults of tools that are tied to the hand, see `with_coupled_tool`. A log has no points of its tool."""
 
 
 def _direction(rng: np.random.Generator, dimension: int) -> Array:

@@ -6,7 +6,17 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from planted_causes import FAULTS, IHIP_FAULTS, Planted, Situation, as_logged, draw_situation, is_planted
+from planted_causes import (
+    COUPLED_FAULTS,
+    FAULTS,
+    IHIP_FAULTS,
+    Planted,
+    Situation,
+    as_logged,
+    draw_situation,
+    is_planted,
+    with_coupled_tool,
+)
 
 from hapticeval.diagnosis import Diagnosis, diagnose, right_contact
 from hapticeval.diagnosis.fits import low_passed
@@ -47,6 +57,15 @@ def test_a_planted_fault_is_named(kind: str, faults: dict, situation: Situation)
     assert any(is_planted(kind, name) for name in names(found)) or (found.cause and found.share > 1.0 - 1e-9), (
         found.sentence
     )
+
+
+@pytest.mark.parametrize("kind", COUPLED_FAULTS)
+def test_a_planted_fault_of_a_tied_tool_is_named(kind: str, situation: Situation) -> None:
+    tied = with_coupled_tool(situation)
+    assert not diagnose(tied.contact, tied.contact.force, tied.contact.point).off
+    planted = COUPLED_FAULTS[kind](tied)
+    found = diagnose(tied.contact, planted.force, planted.ihip)
+    assert any(is_planted(kind, name) for name in names(found)), found.sentence
 
 
 def test_most_planted_faults_of_a_log_are_named_and_none_wrongly(situation: Situation) -> None:
