@@ -83,7 +83,7 @@ one face it may go less far than a skin, and back, while on the other it goes fa
 """
 
 FLIGHT_STEP = 2e-3
-"""Longest step of a flight (s): within it the height over a cell has one extremum at the most."""
+"""Longest step of a flight (s): within it the height over a cell bends the other way once at the most."""
 
 LONGEST_STEP = 0.1
 """Longest step of the sliding motion, in units of its own pace.

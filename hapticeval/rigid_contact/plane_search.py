@@ -249,11 +249,12 @@ def _cell_rows(pieces: Array, i: int, cuts: Array, convex_start: bool, convex_en
 
 
 @compiled
-def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
+def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Return the height (m) of a point (x, y), m, over a `CHORD_CELL`, along the chord's outward normal.
 
-    With it come the boundary's slope below the point, its u there, and how far (m) beyond the cell's ends the point is,
-    negative before the start; there the boundary goes on straight. `pieces` (n, 9) are the boundary's.
+    With it come the boundary's slope below the point and the slope's change along the chord (1/m), its u there, and how
+    far (m) beyond the cell's ends the point is, negative before the start; there the boundary goes on straight.
+    `pieces` (n, 9) are the boundary's.
     """
     dx, dy = x - cell.ox, y - cell.oy
     # coordinates along the chord and along its outward normal
@@ -265,23 +266,25 @@ def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[floa
     overhang = min(xi, 0.0) + max(xi - span, 0.0)
     # the chord is the boundary
     if kind in (LINE, UNBOUNDED):
-        return eta, 0.0, cell.ua + xi, overhang
+        return eta, 0.0, 0.0, cell.ua + xi, overhang
     # before the cell's start and past its end
     if xi <= 0.0:
-        return eta - cell.slope_a * xi, cell.slope_a, cell.ua, overhang
+        return eta - cell.slope_a * xi, cell.slope_a, 0.0, cell.ua, overhang
     if xi >= span:
-        return eta - cell.slope_b * (xi - span), cell.slope_b, cell.ub, overhang
+        return eta - cell.slope_b * (xi - span), cell.slope_b, 0.0, cell.ub, overhang
     u = cell.ua + (cell.ub - cell.ua) * xi / span
     # Newton for the u above which the point lies; it ends when it no longer comes closer
     shift = math.inf
-    bottom, slope = 0.0, 0.0
+    bottom, slope, slope_change = 0.0, 0.0, 0.0
     for _ in range(20):
-        px, py, tx, ty, _, _ = evaluate(piece, u)
+        px, py, tx, ty, bx, by = evaluate(piece, u)
         px -= cell.ox
         py -= cell.oy
         # how fast the point of the boundary moves along the chord with u
         progress = tx * cell.ex + ty * cell.ey
         slope = (tx * cell.ey - ty * cell.ex) / progress
+        # the second derivatives along the chord and across it, of a graph over the chord
+        slope_change = (bx * cell.ey - by * cell.ex - slope * (bx * cell.ex + by * cell.ey)) / (progress * progress)
         miss = xi - (px * cell.ex + py * cell.ey)
         # first order in what is left to the point: the error goes with its square
         bottom = px * cell.ey - py * cell.ex + slope * miss
@@ -289,22 +292,25 @@ def height_over_cell(cell: Any, pieces: Array, x: float, y: float) -> tuple[floa
             break
         shift = abs(miss)
         u = min(max(u + miss / progress, cell.ua), cell.ub)
-    return eta - bottom, slope, u, overhang
+    return eta - bottom, slope, slope_change, u, overhang
 
 
 @compiled
 def _height_in_flight(
     cell: Any, pieces: Array, flight: Flight, h: float, load: Any
-) -> tuple[float, float, float, float]:
-    """Return the height (m) over the cell h seconds into the flight, how fast it grows, u, and the overhang.
+) -> tuple[float, float, float, float, float]:
+    """Return the height (m) over the cell h seconds into the flight, how fast it grows and by how much that does.
 
-    The last is how far (m) beyond the cell's ends the tool is.
+    With them come u, and how far (m) beyond the cell's ends the tool is.
     """
     x, y, vx, vy = fly_for(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
-    f, slope, u, overhang = height_over_cell(cell, pieces, x, y)
+    f, slope, slope_change, u, overhang = height_over_cell(cell, pieces, x, y)
+    along = vx * cell.ex + vy * cell.ey
     # d/dt (eta - bottom(xi)): the velocity across the chord, less the slope times that along it
-    climb = vx * cell.ey - vy * cell.ex - slope * (vx * cell.ex + vy * cell.ey)
-    return f, climb, u, overhang
+    climb = vx * cell.ey - vy * cell.ex - slope * along
+    fx, fy = operator_force(load, flight[4] + h, x, y, vx, vy)
+    force_across = fx * cell.ey - fy * cell.ex - slope * (fx * cell.ex + fy * cell.ey)
+    return f, climb, force_across / load.mass - slope_change * along * along, u, overhang
 
 
 @compiled
@@ -337,24 +343,37 @@ def _crossing_time(
 
 
 @compiled
+def _time_of_change(rate: int, cell: Any, pieces: Array, flight: Flight, low: float, high: float, load: Any) -> float:
+    """Return the time (s) between `low` and `high` at which the height's first or second `rate` changes sign.
+
+    It is `high` where it has the same sign at both.
+    """
+    first = _height_in_flight(cell, pieces, flight, low, load)[rate]
+    if first * _height_in_flight(cell, pieces, flight, high, load)[rate] >= 0.0:
+        return high
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _height_in_flight(cell, pieces, flight, middle, load)[rate] * first > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
 def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float]:
     """Return the first time (s) within h at which the flight enters through the cell, and u there; else infinity."""
-    # within a step the height has at most one extremum: on both sides of it it rises or falls
-    f0, climb0, _, _ = _height_in_flight(cell, pieces, flight, 0.0, load)
-    climb1 = _height_in_flight(cell, pieces, flight, h, load)[1]
-    turn = h
-    if climb0 * climb1 < 0.0:
-        low, high = 0.0, h
-        # the extremum, by bisection
-        for _ in range(60):
-            turn = 0.5 * (low + high)
-            if _height_in_flight(cell, pieces, flight, turn, load)[1] * climb0 > 0.0:
-                low = turn
-            else:
-                high = turn
-    start, f = 0.0, f0
-    for part in range(2):
-        end = turn if part == 0 else h
+    # Over a boundary that bends the other way from some place on the height is bent there: within a step once at most.
+    bend = _time_of_change(2, cell, pieces, flight, 0.0, h, load)
+    # Before the bend and behind it the height has at most one extremum each: between two cuts it rises or falls.
+    early = _time_of_change(1, cell, pieces, flight, 0.0, bend, load)
+    late = _time_of_change(1, cell, pieces, flight, bend, h, load) if bend < h else h
+    cuts = (early, bend, late, h)
+    start, f = 0.0, _height_in_flight(cell, pieces, flight, 0.0, load)[0]
+    for part in range(4):
+        end = cuts[part]
+        if end <= start:
+            continue
         f_end = _height_in_flight(cell, pieces, flight, end, load)[0]
         # it goes below the skin on this part of the step
         if f >= -load.skin and f_end < -load.skin:
@@ -362,12 +381,10 @@ def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load
             # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
             if f > load.skin:
                 entry_time = _crossing_time(cell, pieces, flight, start, entry_time, 0.0, load)
-            _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
+            _, _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
             # through this cell, and not past its ends
             if -cell.reach_a <= overhang <= cell.reach_b:
                 return entry_time, u
-        if turn >= h:
-            break
         start, f = end, f_end
     return math.inf, 0.0
 

@@ -55,7 +55,8 @@ The method's error goes with its seventh power: 1e-12 of the speed is left after
 """
 
 FLIGHT_ANGLE = 0.2
-"""Longest way of a step in flight near the surface, in its sharpest radii: the height then has one extremum at most."""
+"""Longest way of a step in flight near the surface, in its sharpest radii: its height bends the other way once at
+most."""
 
 
 @compiled
@@ -244,27 +245,33 @@ def collide_with_surface(tool: Tool, reals: Array, tau: float) -> None:
 
 
 @compiled
-def _height(reals: Array, p: Triple, v: Triple, tau: float, t: float, load: Any) -> tuple[float, float]:
-    """Return the height (m) over the surface after t seconds of flight from p (m) at v (m/s), and its rate (m/s)."""
+def _height(reals: Array, p: Triple, v: Triple, tau: float, t: float, load: Any) -> tuple[float, float, float]:
+    """Return the height (m) over the surface after t seconds of flight from p (m) at v (m/s), and its first two rates.
+
+    They are in m/s and m/s^2. The second is that of a tool as near to the surface as one that may hit it.
+    """
     place, velocity = fly_in_space(p, v, tau, t, load)
-    _, normal, height = closest_on_surface(reals, place)
-    return height, dot(normal, velocity)
+    foot, normal, height = closest_on_surface(reals, place)
+    rate = dot(normal, velocity)
+    # what a contact would have to push, so that the tool stays at its height
+    contact, _, _ = contact_in_space(reals, foot, plus(velocity, -rate, normal), tau + t, load)
+    return height, rate, -contact / load.mass
 
 
 @compiled
 def _locate_change(
-    of_rate: bool, reals: Array, flight: tuple[Triple, Triple, float], low: float, high: float, load: Any
+    column: int, reals: Array, flight: tuple[Triple, Triple, float], low: float, high: float, load: Any
 ) -> float:
-    """Return the time (s) between `low` and `high` of a flight at which its height, or the rate of that, changes sign.
+    """Return the time (s) between `low` and `high` of a flight at which its height changes sign, or a rate of it.
 
-    A flight is where it begins, m, its velocity there, m/s, and the time since the beginning of the stretch, s.
+    `column` says which, see `_height`. A height that has the same sign at both is on the surface to rounding, at `low`;
+    a rate changes nowhere then, and `high` is returned. A flight is where it begins, m, its velocity there, m/s, and
+    the time since the beginning of the stretch, s.
     """
     p, v, tau = flight
-    column = 1 if of_rate else 0
     a, b = _height(reals, p, v, tau, low, load)[column], _height(reals, p, v, tau, high, load)[column]
-    # on the surface to rounding, or not changed at all
     if a * b >= 0.0:
-        return low
+        return low if column == 0 else high
     positive = a > 0.0
     for i in range(MOST_GUESSES):
         middle = guess_between(low, high, a, b, i)
@@ -282,20 +289,22 @@ def _locate_change(
 def first_hit(reals: Array, flight: tuple[Triple, Triple, float], h: float, load: Any) -> float:
     """Return the time (s) at which a short flight of h seconds first meets the surface; infinite where it does not.
 
-    Its height has one extremum at most: it ends inside, or it dips inside between two heights. `reals` (k,) is of
-    `surface_terms`.
+    `reals` (k,) is of `surface_terms`.
     """
     p, v, tau = flight
-    _, rate = _height(reals, p, v, tau, 0.0, load)
-    end_height, end_rate = _height(reals, p, v, tau, h, load)
-    if end_height < -load.skin:
-        # it may rise before it falls: from the surface, it falls back on it after that
-        top = _locate_change(True, reals, flight, 0.0, h, load) if rate > 0.0 else 0.0
-        return _locate_change(False, reals, flight, top, h, load)
-    if rate < 0.0 < end_rate:
-        lowest = _locate_change(True, reals, flight, 0.0, h, load)
-        if _height(reals, p, v, tau, lowest, load)[0] < -load.skin:
-            return _locate_change(False, reals, flight, 0.0, lowest, load)
+    # Where the surface bends the other way from some place on, so does the height: within a step once at most.
+    bend = _locate_change(2, reals, flight, 0.0, h, load)
+    # Before the bend and behind it the height has at most one extremum each: between two cuts it rises or falls.
+    early = _locate_change(1, reals, flight, 0.0, bend, load)
+    late = _locate_change(1, reals, flight, bend, h, load) if bend < h else h
+    cuts = (early, bend, late, h)
+    low = 0.0
+    for part in range(4):
+        high = cuts[part]
+        if high > low:
+            if _height(reals, p, v, tau, high, load)[0] < -load.skin:
+                return _locate_change(0, reals, flight, low, high, load)
+            low = high
     return math.inf
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, cube, dumbbell, ellipse, from_vertices, line, sphere, star
@@ -63,6 +63,15 @@ def check_laws(model, recording, *, bilateral=False):
     assert np.all(recording.force[:-1][away > reach] == 0.0)
 
 
+TURNING_AWAY = pushed(
+    [0.11462366463932318, 0.02632540234945606],
+    [-0.31199659055659923, 0.0],
+    [[-2.4551273834158795, -0.43324019176422957], [-2.4707523834158795, -0.45277144176422957]],
+)
+"""Hops that end where the boundary turns from concave to convex: the last rises, dips in by 8 nm, and rises again."""
+
+
+@example((cassinian(), TURNING_AWAY), 0.3)
 @settings(max_examples=50)
 @given(experiments(), st.sampled_from([0.0, 0.3, 0.9]))
 def test_momentum_balances_and_the_tool_stays_outside(drawn, restitution):

@@ -259,6 +259,26 @@ def test_a_graze_is_an_impact_and_a_miss_is_none(depth):
         assert len(impacts) == count
 
 
+@pytest.mark.parametrize(
+    ("position", "velocity", "force"),
+    [
+        ([0.04557287, -0.02492981, 0.02395942], [0.191615, -1.640388, 0.72013], [1.54771, -0.84665, -2.34119]),
+        ([0.04265894, -0.01393485, 0.01639655], [0.980333, 1.18394, 0.864689], [-0.09184, 0.03, 0.06306]),
+        ([0.05792627, 0.0136432, 0.02810671], [0.07345, 1.31953, 0.139604], [-0.1206, -0.02841, 0.33202]),
+    ],
+)
+def test_a_flight_that_rises_dips_in_and_rises_again_within_a_step_is_an_impact(position, velocity, force):
+    """Over the saddle of a torus, which bends away on one side of a direction without curvature."""
+    model, time = torus(), np.linspace(0.0, 2e-3, 201)[:, np.newaxis]
+    path = position + time * velocity + 0.5 * time**2 * np.array(force) / MASS
+    height = model.boundary.signed_distance(path)
+    assert height[1] > height[0] > 0.0
+    assert height[-1] > 0.0 > height.min()
+    events = push(model, position, velocity, force, duration=2e-3, dt=2e-3).meta["events"]
+    assert events[0]["kind"] == "impact"
+    assert events[0]["time"] == pytest.approx(time[np.argmax(height < 0.0), 0], abs=1.1e-5)
+
+
 def test_what_does_not_fit_the_model_is_refused(refused):
     from hapticeval.errors import InputError
 
