@@ -41,6 +41,9 @@ RIGHT_LOG, ALL_BUT_NOISE = 1.3, 1.15
 SMALLEST_EFFECT = 3e-3
 """Share of the force's rms: a smaller effect in a log may be its encoders'; *chosen*."""
 
+LARGEST_FITTED = 1e50
+"""N or m: larger numbers are no force and no place, and products of them may be beyond all numbers; *chosen*."""
+
 FEWEST_TOUCHING = 5
 """Rows in contact below which nothing is fitted."""
 
@@ -126,6 +129,9 @@ def diagnose(
     `boundary`, positions in another unit or frame are tried of a log.
     """
     right_force = contact.force
+    given = (force, right_force) if ihip is None else (force, right_force, ihip)
+    if max(np.abs(channel).max(initial=0.0) for channel in given) > LARGEST_FITTED:
+        return Diagnosis(True, "force")
     scale = max(power(right_force), 1e-30)
     too_few = np.count_nonzero(contact.touches) < FEWEST_TOUCHING
     if too_few and not (noisy and boundary is not None):

@@ -159,6 +159,14 @@ BEYOND_SINGLE = {"attributes": {}, "shift": 3.4028235677973472e38, "until": 109,
     traits={"kind": "tuple", "lag": 0, "every": 8, "factor": 0.0, **BEYOND_SINGLE},
     judged=led({"kind": "circle"}, [[0.0, 0.0], [0.0, 0.027]], 0.02),
 )
+@example(
+    traits={"kind": "tuple", "lag": 0, "every": 1, "factor": 0.0, **BEYOND_SINGLE, "shift": 1.2095089001659893e75},
+    judged=led({"kind": "circle"}, [[0.0, 0.0], [0.0, 0.03]], 0.02),
+)
+@example(
+    traits={"kind": "tuple", "lag": 0, "every": 3, "factor": 1e100, **BEYOND_SINGLE, "shift": 1e100},
+    judged=led({"kind": "star"}, [[0.0, 0.0], [0.0, 0.03], [0.05, 0.2]], 0.06),
+)
 @settings(max_examples=15)
 @given(traits=odd, judged=cases)
 def test_any_renderer_gets_a_verdict_on_every_check_and_the_same_again(traits, judged):

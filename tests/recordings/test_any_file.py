@@ -156,6 +156,12 @@ def test_a_damaged_file_is_read_or_refused(folder, name, hurt):
 numbers = st.one_of(st.floats(), st.integers(), st.sampled_from(["", "nan", "ERR", "1,5", "-", "1e5", '"2"', "0x1F"]))
 
 
+OVERFLOWS = [[0.0, 3.7491161670501375e297], [0.0, -1.7976931348248246e308]]
+"""The step between the two numbers is none."""
+
+
+@example(rows=OVERFLOWS, separator=",", header="", end="\n", encoding="utf-8")
+@example(rows=[[row[1]] for row in OVERFLOWS], separator=",", header="time", end="\n", encoding="utf-8")
 @settings(max_examples=30)
 @given(
     rows=st.lists(st.lists(numbers, min_size=1, max_size=4), min_size=1, max_size=8),

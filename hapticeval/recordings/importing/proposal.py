@@ -88,6 +88,8 @@ MOST_COMPONENTS = 3
 """More columns are not a vector of the world, nor joints of a device that is known here."""
 
 
+# A guess from numbers whose differences overflow fits nothing, and is not made.
+@np.errstate(over="ignore", invalid="ignore")
 def propose(table: Table, *, file: str = "FILE", trial: str | None = None) -> str:
     """Return a mapping as TOML text, with a remark on all that the file does not state.
 
