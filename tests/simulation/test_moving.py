@@ -55,8 +55,7 @@ moving_spring.supports = {"moving"}
 @settings(max_examples=3)
 @given(data=st.data())
 def test_verdicts_and_numbers_are_those_of_the_body_at_rest(name, kind, data):
-    factory = moving_spring if name == "spring" else resolve(name)
-    model = make_model(kind)
+    factory, model = resolve(name), make_model(kind)
     path = data.draw(hand_paths(model, most_parts=1))
     motion = data.draw(motions(model))
 
@@ -67,9 +66,11 @@ def test_verdicts_and_numbers_are_those_of_the_body_at_rest(name, kind, data):
 
     rest, moving = judged({"damping": 2.0}), judged({"damping": 2.0, "motion": motion})
     assert (rest.error, rest.refusal is None) == (moving.error, moving.refusal is None)
+    # Whether a hand on the surface itself is in contact, rounding says, and where its force points then.
+    tied = rest.recording is not None and np.abs(model.boundary.signed_distance(rest.recording.hip)) < 1e-12
     for still, moved in zip(rest.verdicts, moving.verdicts, strict=True):
         assert moved.outcome is still.outcome, (still.check, still.finding.message, moved.finding.message)
-        if still.finding.metric is not None:
+        if still.finding.metric is not None and not np.any(tied):
             size = max(abs(still.finding.metric.value), model.size)
             # A share is a median: where the hand hardly moves rounding says whether a tick counts, and its neighbour is
             # in the middle then.
@@ -78,8 +79,8 @@ def test_verdicts_and_numbers_are_those_of_the_body_at_rest(name, kind, data):
     if rest.recording is not None:
         for channel in ("hip", "ihip", "force", "velocity"):
             if channel in rest.recording.channels:
-                pair = (recording.channels[channel] for recording in (rest.recording, moving.recording))
-                assert next(pair) == pytest.approx(next(pair), abs=1e-8)
+                here, there = (run.recording.channels[channel][~tied] for run in (rest, moving))
+                assert here == pytest.approx(there, abs=1e-8)
 
 
 class Logged(AtRest):
