@@ -7,7 +7,7 @@ import pytest
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from test_helpers_by_definition import LINE, slide
 
-from hapticeval.geometry.catalogue import line
+from hapticeval.geometry.catalogue import from_vertices, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.update_rate import calls_for_another_force
 from hapticeval.phenomena.observed import Observed
@@ -51,6 +51,21 @@ def test_who_declares_a_spring_must_not_pull_and_a_hand_that_only_goes_in_shows_
     assert found("never-pulls", pressed(damping=5.0), LINE).level is None
     assert found("never-pulls", pressed(damping=5.0, meta={"spring": "error"}), LINE).level is Level.MUST
     assert outcome("never-pulls", pressed(np.linspace(-0.001, 0.004, 100)), LINE) is UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("force", "expected"),
+    [([0.1, 0.03], PASS), ([-0.1, 0.03], PASS), ([0.0, 0.06], PASS), ([0.0, -0.06], FAIL), ([0.02, -0.1], FAIL)],
+)
+def test_a_rigid_tool_in_a_notch_may_be_pushed_by_either_face(force, expected):
+    """Its faces are 147 degrees apart: what one of them pushes is drawn in across the other."""
+    outline = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [0.03, 0.1], [0.0, 0.0], [-0.03, 0.1], [-0.1, 0.1]]
+    # At rest in the notch, inside by rounding, and out of it.
+    height = np.where(TICKS < 100, -1e-14, 1e-4 * (TICKS - 100.0))
+    hip = np.column_stack([np.zeros(200), height])
+    run = recorded(hip, hip, np.where(TICKS[:, np.newaxis] < 100, force, 0.0))
+    finding = found("never-pulls", run, Scene(model=from_vertices(outline)))
+    assert finding.outcome is expected, finding.message
 
 
 def sinking(rows, *, follows=False):

@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Alters
 from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.checks.contact_normal_force import normal_reach
 from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.free_space import find_felt_in_free_space
 from hapticeval.phenomena.observed import Observed
@@ -39,6 +40,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return never_inside
     outward = np.where(free[:, np.newaxis], base.nearest.normal, find_outward(base))
     pull = np.maximum(-np.sum(base.force * outward, axis=1), 0.0)
+    if "ihip" in base.channels:
+        # A rigid tool is at the hand, where each face that it touches within its step may push.
+        at_hand = np.flatnonzero(inside & ~free & ~base.apart)
+        cone = base.boundary.normal_cone(base.hip[at_hand], normal_reach(base)[at_hand])
+        pull[at_hand] = np.maximum(-base.force_size[at_hand] * np.cos(cone(base.force[at_hand])), 0.0)
     lag = base.force_lag
     # A force of the IHIP and the HIP of L ticks ago may be off by as much as each of them has moved since.
     moved = lag * largest_in_lag(steps_to(base.hip))
