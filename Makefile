@@ -29,7 +29,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lock system tables fuzz mutants counterexamples engines engines-smallest field bench study browser docs pictures site lint clean
+.PHONY: run test lock system tables measures fuzz mutants counterexamples engines engines-smallest field bench study browser docs pictures site lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page, which links what
 # the thesis shows. What goes wrong with these three says so, and stops nothing.
@@ -64,6 +64,9 @@ tables: $(VENV)/dev.stamp
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q $(if $(CHECK),--measures $(CHECK)) tests/phenomena tests/meta \
 	  tests/recordings/test_drawn.py || [ $$? = 5 ]
 	HAPTICEVAL_PUBLISH=$(or $(CHECK),1) $(BIN)/pytest -q -m 'refusals and not slow' $(if $(CHECK),tests/suite tests/runner)
+
+measures: $(VENV)/dev.stamp
+	HAPTICEVAL_MEASURES=1 $(BIN)/pytest -n 2 --dist worksteal -m 'not slow' tests/phenomena tests/meta tests/suites
 
 fuzz: $(VENV)/dev.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)

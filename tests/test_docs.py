@@ -64,6 +64,13 @@ def test_every_command_that_is_named_exists() -> None:
     assert {place for place in studies if place[1][1] not in PROGRAM.commands["study"].commands} == set()
 
 
+def test_what_make_is_named_to_make_is_a_rule_of_it() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    rules = set(re.findall(r"^([a-z][a-z-]*):", makefile, re.MULTILINE))
+    assert set(re.findall(r"^# make ([a-z-]+) ", makefile, re.MULTILINE)) <= rules
+    assert {place for place in found_in_pages(r"`make ([a-z-]+)[^`]*`") if place[1] not in rules} == set()
+
+
 def test_commands_stand_in_blocks_that_are_run() -> None:
     commands = found_in_pages(r"^    (?:hapticeval|python|pip|pytest|cc|c\+\+) .*$")
     assert {place for place in commands if place[0] != "README"} == set()
