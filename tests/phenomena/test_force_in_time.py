@@ -127,6 +127,8 @@ def test_what_a_missing_position_gets(answer, after, expected, words):
     assert finding.outcome is expected
     assert words in finding.message
     assert finding.evidence.get("refused", False) is (answer is None)
+    if answer is None and after is not None and np.isfinite(after).all():
+        assert finding.metric.value == 0.0, "a refusal leaves no force"
 
 
 def test_a_drop_out_is_asked_only_where_a_renderer_can_be():

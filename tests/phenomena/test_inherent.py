@@ -10,7 +10,7 @@ from made import FAIL
 from hapticeval import Declaration, Spring
 from hapticeval.geometry.catalogue import line
 from hapticeval.phenomena.decisions import IMPULSE_ROUNDING
-from hapticeval.phenomena.inherent import LIMITS, Region, declaration_words, reason_inherent
+from hapticeval.phenomena.inherent import LIMITS, Region, declaration_words, limits_of, reason_inherent
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
@@ -103,3 +103,11 @@ def test_each_limit_names_checks_and_its_source_and_explain_declares_it_in_pytho
     exec(declaration_words(limit.declared).split(", or")[0], names)
     assert names["declares"] != Declaration()
     assert not names["declares"].faults
+
+
+def test_a_check_has_the_limits_that_name_it_and_others_have_none():
+    for check in CHECKS:
+        named = {limit.declared for limit in LIMITS if check in limit.checks}
+        assert set(limits_of(check)) == named
+    assert limits_of("reset-clears") == {}
+    assert "closed_form pp, pp-v, pp-d, pp-pd, pp-pd-c" in limits_of("decoupling")

@@ -15,7 +15,7 @@ from hapticeval.geometry.catalogue import circle, star
 from hapticeval.phenomena import checks
 from hapticeval.phenomena.check import SIBLINGS, Check, Runs, Situation
 from hapticeval.phenomena.checks import relations
-from hapticeval.phenomena.registry import CHECKS, OWN_CHECKS
+from hapticeval.phenomena.registry import CHECKS, OWN_CHECKS, PHENOMENA
 from hapticeval.phenomena.verdict import Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -96,6 +96,14 @@ def test_an_entry_point_that_is_no_such_check_is_refused_by_name(refused, toy, c
     with refused(InputError):
         CHECKS[name]
     assert "broken" in command("list", "checks")
+
+
+def test_the_six_phenomena_are_listed_first_and_in_the_thesis_s_order():
+    plain = [check for check in OWN_CHECKS.values() if not check.effects and not check.holds]
+    of_phenomena = [check.phenomenon for check in plain if check.phenomenon in PHENOMENA]
+    assert [check.phenomenon for check in plain][: len(of_phenomena)] == of_phenomena
+    assert list(dict.fromkeys(of_phenomena)) == [name for name in PHENOMENA if name in of_phenomena]
+    assert len(set(of_phenomena)) >= 5
 
 
 def test_nobody_replaces_a_check_of_ours(toy):
