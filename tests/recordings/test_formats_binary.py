@@ -165,6 +165,20 @@ def test_a_damaged_matlab_file_is_read_or_refused(tmp_path_factory, hurt):
         read_table(path, format="matlab5")
 
 
+def test_a_matlab_file_that_keeps_its_reader_busy_is_refused(tmp_path, monkeypatch, refused):
+    """A structure of 2 x 1 that says that it has 50,331,650 x 1."""
+    savemat(tmp_path / "a.mat", EVERYTHING)
+    data = bytearray((tmp_path / "a.mat").read_bytes())
+    sizes = struct.pack("<IIii", 5, 8, 1, 2)
+    at = data.index(b"several") - 24
+    assert bytes(data[at : at + 16]) == sizes
+    data[at + 15] = 3
+    (tmp_path / "a.mat").write_bytes(data)
+    monkeypatch.setattr("hapticeval.recordings.formats.matlab.LEAST_PATIENCE", 0.5)
+    with refused(InputError):
+        read_table(tmp_path / "a.mat")
+
+
 def test_what_is_no_column_is_named(tmp_path):
     savemat(tmp_path / "a.mat", {"t": T, "sparse": csc_matrix(np.eye(4)), "both": T + 1j * T})
     table = read_table(tmp_path / "a.mat")

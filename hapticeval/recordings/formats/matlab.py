@@ -32,6 +32,10 @@ from hapticeval.workers import FORKS, ProcessEnded, Workers
 MOST_PARAMETERS = 9
 """A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
+LEAST_PATIENCE, PATIENCE_PER_BYTE = 60.0, 1e-5
+"""s, and s/byte, that reading may take before its file is taken for damaged; *chosen*: cells and structures of two
+numbers, the slowest, take a hundredth of that. One wrong byte in the size of an array makes scipy count for minutes."""
+
 HEADER_BYTES, MATRIX_ELEMENT, PACKED_ELEMENT = 128, 14, 15
 """Of a file of version 5: the length of its header, and the two kinds of elements that are variables."""
 
@@ -113,12 +117,16 @@ class Variables(Arrays):
 def read_matlab5(path: Path) -> Table:
     """Return every numeric array of more than `MOST_PARAMETERS` numbers, as columns; numbers and texts as attributes.
 
-    Raises `InputError` where the file is cut short, or scipy cannot read it: one wrong byte may end its process.
+    Raises `InputError` where the file is cut short, or scipy cannot read it: one wrong byte may end its process, or
+    keep it busy.
     """
-    _reserve_variables(path)
+    patience = LEAST_PATIENCE + PATIENCE_PER_BYTE * _reserve_variables(path)
     with Workers(_load_matlab5, int(FORKS)) as workers:
         workers.begin(0, path)
-        (answer,) = workers.answers()
+        answers = workers.answers(patience)
+    if not answers:
+        raise damaged_error(path, f"scipy has not read it after {patience:.0f} s: a size in it may be wrong")
+    (answer,) = answers
     error = answer.error
     if isinstance(error, HapticevalError):
         raise error
@@ -128,8 +136,10 @@ def read_matlab5(path: Path) -> Table:
     return answer.value.table()
 
 
-def _reserve_variables(path: Path) -> None:
-    """Reserve what the variables of a file declare to take. Raises `InputError` where the file ends within one.
+def _reserve_variables(path: Path) -> int:
+    """Reserve what the variables of a file declare to take, and return that, in bytes.
+
+    Raises `InputError` where the file ends within one.
 
     A file is a header of 128 bytes and elements: a kind, a size, and so many bytes. A variable is one of kind
     `MATRIX_ELEMENT`, or a packed element that holds one.
@@ -159,6 +169,7 @@ def _reserve_variables(path: Path) -> None:
         reserve(total, f"{path}, as far as it was counted,")
         # Packed elements are not padded to eight bytes.
         offset = end + (-size % 8 if kind == MATRIX_ELEMENT else 0)
+    return total
 
 
 def _load_matlab5(path: Path) -> Variables:
