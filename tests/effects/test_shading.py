@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from leading import led
 
@@ -103,6 +103,7 @@ def test_a_facet_crossed_at_constant_depth_gives_nothing():
     assert work(led(make_renderer(OfOneFacet, scene), hips, 1e-3)[1], hips) == pytest.approx(0.0, abs=1e-12)
 
 
+@example(angles=[1.0, 0.99999, 1.0, 1.0], place=0.0, depth=1e-5, crease=1.0)
 @given(
     angles=st.lists(st.floats(0.15, 1.0), min_size=4, max_size=12),
     place=st.floats(0.0, 1.0, exclude_max=True),
@@ -129,7 +130,9 @@ def test_the_force_is_as_large_as_without_and_along_the_interpolated_normal(angl
     shaded_normal = interpolated(table, along)
     assert np.array_equal(same, ihip)
     assert np.linalg.norm(found) == pytest.approx(size, rel=1e-12)
-    np.testing.assert_allclose(found, size * shaded_normal, atol=1e-9 * size)
+    # Under a corner the tool may be nearly on a face, and the direction to it is rounding.
+    rounding = 4.0 * STIFFNESS * np.spacing(RADIUS)
+    np.testing.assert_allclose(found, size * shaded_normal, atol=1e-9 * size + rounding)
 
 
 def test_the_interpolated_normal_is_unit():
