@@ -57,6 +57,9 @@ OPTIONS = (
     "--hypothesis-profile=fuzz",
     "-o",
     "faulthandler_timeout=300",
+    # A property that hangs fails, and the rounds go on.
+    "-o",
+    "timeout_method=signal",
     "-p",
     "no:xdist",
     # What is imported above has imported hypothesis, whose asserts pytest then leaves as they are.

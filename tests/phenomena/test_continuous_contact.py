@@ -107,6 +107,9 @@ def test_a_hand_that_rests_amplifies_nothing():
     ihip = np.array([[0.0, 0.0], [0.5e-3, 0.0], [1e-3, 0.0], [2e-3, 0.0]])
     assert amplification(Observed(recorded(hip, ihip), SCENE)) == pytest.approx(1.0)
     assert amplification(Observed(recorded(hip), SCENE)) == 0.0
+    # From the second sample in contact on, whatever was before.
+    entering = np.where(np.arange(len(hip))[:, np.newaxis] < 2, hip, ihip)
+    assert amplification(Observed(recorded(hip, entering), SCENE)) == pytest.approx(1.0)
 
 
 def test_the_steepest_map_met_in_practice_passes():

@@ -211,12 +211,12 @@ class TestOrderOfEffects:
         effects=(Friction(mu_s=0.5, mu_k=0.3), BumpMap(wavelength=2e-3, amplitude=4e-5)),
     )
 
-    def judged(self, *, late=0, off=0.0, drag=2e-4, scene=None):
+    def judged(self, *, late=0, off=0.0, drag=2e-4, scene=None, tick=17):
         plain = slide(count=30)
         shift = np.column_stack([drag * np.sin(0.3 * np.arange(30)), np.zeros(30)])
         answered = np.clip(np.arange(30) - late, 0, 29)
         force = plain.force + 1000.0 * shift[answered]
-        force[17, 0] += off
+        force[tick, 0] += off
         base = changed(plain, ihip=plain.ihip + shift, force=force)
         return found("effects-order", Runs(base, without=lambda kind: plain), scene or self.SCENE)
 
@@ -236,6 +236,10 @@ class TestOrderOfEffects:
         if outcome is FAIL:
             assert (finding.metric.value, finding.evidence["tick"]) == (pytest.approx(share * allowed), 17)
             assert "t = 0.017 s" in finding.message
+
+    @pytest.mark.parametrize(("tick", "outcome"), [(0, PASS), (2, PASS), (3, FAIL), (29, FAIL)])
+    def test_the_queue_of_a_late_renderer_is_not_filled_before_three_ticks(self, tick, outcome):
+        assert self.judged(off=0.1, tick=tick).outcome is outcome
 
     def test_it_is_asked_of_friction_and_one_other_where_the_friction_is_felt(self):
         assert self.judged(drag=1e-9).outcome is UNDECIDED
