@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from hapticeval.effects.friction import Friction
 from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import circle, line
+from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.force_magnitude import judge_stiffness, misfit_of
 from hapticeval.phenomena.checks.friction_work import dissipated_work, stored_energy
 from hapticeval.phenomena.checks.passivity import explained_work
+from hapticeval.phenomena.decisions import LAG_STEPS, LAG_TICKS, TWO_FORCES_ROWS
 from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
@@ -143,6 +146,51 @@ class TestStiffness:
         assert finding.outcome is Outcome.PASS
         assert finding.evidence["depth_m"] == pytest.approx(3e-2)
         assert finding.evidence["force_N"] == pytest.approx(30.0)
+
+
+class TestTwoForces:
+    """A hand along the line, 5 mm deep, there and back, of a renderer whose stiffness may be half or twice."""
+
+    VARIES = MappingProxyType({"spring": "error", "stiffness_least": 0.5, "stiffness_largest": 2.0})
+    LAG_KNOWN_TO = LAG_TICKS / LAG_STEPS * STEP
+
+    def way(self, *, share=1.0, off=0.0, rows=slice(None), backwards=False):
+        run = moving(LINE, depth=5e-3, gain=share, meta=self.VARIES)
+        force = np.array(run.force)
+        force[rows, 1] += off
+        order = slice(None, None, -1 if backwards else 1)
+        channels = {name: values[order] for name, values in {**run.channels, "force": force}.items()}
+        return changed(run, **channels)
+
+    def found(self, share=1.0, **back):
+        back = self.way(share=share, backwards=True, **back)
+        return found("force-magnitude", Runs(self.way(share=share), reverse=lambda: back), LINE)
+
+    @pytest.mark.parametrize("share", [0.5, 1.0, 1.6])
+    def test_they_differ_by_more_than_rounding_and_what_a_lag_is_known_to(self, share):
+        """With K s between them, s the largest share that either run shows, and the scene's at the least."""
+        open_of_one = LINE.stiffness * (self.LAG_KNOWN_TO + Observed(self.way(), LINE).rounding)
+        allowed = 2.0 * max(share, 1.0) * open_of_one
+        assert self.found(share, off=0.9 * allowed).outcome is Outcome.PASS
+        finding = self.found(share, off=1.1 * allowed)
+        assert finding.outcome is Outcome.FAIL
+        assert finding.level is Level.MUST
+        assert finding.metric.value == pytest.approx(1.1 * allowed)
+        assert finding.bound == pytest.approx(allowed, rel=0.01)
+        assert finding.evidence["force_N"] == pytest.approx(share * 5.0)
+        assert finding.evidence["other_force_N"] == pytest.approx(share * 5.0 + 1.1 * allowed)
+
+    @pytest.mark.parametrize(
+        ("rows", "outcome"),
+        [
+            # Between two ticks a lag leaves the first and the last of them open.
+            (range(10, 12 + TWO_FORCES_ROWS), Outcome.FAIL),
+            (range(10, 9 + TWO_FORCES_ROWS), Outcome.PASS),
+            ([*range(8, 14), *range(24, 30)], Outcome.PASS),
+        ],
+    )
+    def test_they_differ_in_half_of_the_rows_of_a_stretch(self, rows, outcome):
+        assert self.found(off=1.0, rows=list(rows)).outcome is outcome
 
 
 class TestCauses:
