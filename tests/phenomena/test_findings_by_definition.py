@@ -202,6 +202,18 @@ class TestShading:
         assert "no work" in none.message
 
 
+@pytest.mark.parametrize(("kept", "kind"), [(0, "not met"), (1, "let go"), (2, "let go"), (5, "let go")])
+def test_a_tool_that_had_contact_for_a_tick_was_let_go(kept, kind):
+    """Down a millimetre a tick, through the line in tick 3."""
+    hip = np.column_stack([np.zeros(40), 2.5e-3 - 1e-3 * np.arange(40)])
+    held = np.arange(40) < 3 + kept
+    ihip = np.where(held[:, np.newaxis], np.maximum(hip, 0.0), hip)
+    finding = found("contact-kept", recorded(hip, ihip, meta={"source": "playback"}), Scene(model=line()))
+    assert finding.outcome is FAIL
+    assert finding.evidence["kind"] == kind
+    assert finding.evidence["times_lost"] == 1
+
+
 class TestOrderOfEffects:
     """Friction draws the tool from p to s, and a force that works on it is F + K (s - p)."""
 

@@ -147,6 +147,26 @@ class TestStiffness:
         assert finding.evidence["depth_m"] == pytest.approx(3e-2)
         assert finding.evidence["force_N"] == pytest.approx(30.0)
 
+    @pytest.mark.parametrize(
+        ("declares", "silent", "outcome"),
+        [
+            ("none", False, Outcome.PASS),
+            ("none", True, Outcome.FAIL),
+            (None, False, Outcome.INCONCLUSIVE),
+            (None, True, Outcome.INCONCLUSIVE),
+        ],
+    )
+    def test_who_declares_a_force_alone_gives_one_at_every_depth(self, declares, silent, outcome):
+        """A press to 4 mm, of which 52 rows are inside; of another a tool may be where no force comes."""
+        depth = 5e-3 * np.sin(np.linspace(0.0, np.pi, 60)) - 1e-3
+        hip = np.column_stack([np.zeros(60), -depth])
+        force = np.column_stack([np.zeros(60), 1000.0 * np.maximum(depth, 0.0)])
+        force[25:40] *= not silent
+        meta = {"source": "playback"} | ({} if declares is None else {"contact_point": declares})
+        finding = found("force-magnitude", recorded(hip, None, force, meta=meta), LINE)
+        assert finding.outcome is outcome
+        assert finding.evidence["samples"] == 52 - 15 * (silent and declares is None)
+
 
 class TestTwoForces:
     """A hand along the line, 5 mm deep, there and back, of a renderer whose stiffness may be half or twice."""

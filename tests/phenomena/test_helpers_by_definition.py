@@ -13,11 +13,12 @@ from scipy.signal import get_window
 from scipy.special import polygamma
 from scipy.stats import chi2
 
-from hapticeval.geometry.catalogue import circle, line
+from hapticeval.geometry.catalogue import circle, from_vertices, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.continuous_contact import coarsened_slope, limit_of_jumps
 from hapticeval.phenomena.checks.texture import spectrum_bound, welch_of
 from hapticeval.phenomena.checks.transient import prony
+from hapticeval.phenomena.decisions import LAG_TICKS
 from hapticeval.phenomena.lag import (
     Lag,
     believed_lag,
@@ -100,6 +101,40 @@ class TestContact:
         base = recorded(hip, ihip, meta={"standoff": declared} if declared else {})
         assert Observed(base, LINE).contact.all()
         assert Observed(base, LINE).holding.tolist() == [holds] * 6
+
+
+class TestFreeSpace:
+    @given(
+        st.lists(st.sampled_from([-2e-3, 2e-3]), min_size=1, max_size=24),
+        st.lists(st.booleans(), min_size=24, max_size=24),
+        st.lists(st.booleans(), min_size=24, max_size=24),
+    )
+    def test_a_hand_is_pushed_in_free_space_that_feels_a_force_at_its_tool_outside_for_three_ticks(
+        self, heights, pushed, apart
+    ):
+        rows, count = range(len(heights)), len(heights)
+        hip = np.column_stack([1e-4 * np.arange(count), heights])
+        ihip = hip + np.where(np.array(apart[:count])[:, np.newaxis], [0.0, 1e-3], 0.0)
+        force = np.where(np.array(pushed[:count])[:, np.newaxis], [0.0, 1.0], 0.0)
+        base = Observed(recorded(hip, ihip, force), LINE)
+        free = [heights[row] > 0.0 and not apart[row] for row in rows]
+        expected = [
+            pushed[row] and not apart[row] and all(free[max(row - LAG_TICKS, 0) : row + LAG_TICKS + 1]) for row in rows
+        ]
+        assert base.pushed_in_free_space.tolist() == expected
+
+    @pytest.mark.parametrize("through", [None, 0, 3, 8])
+    @pytest.mark.parametrize("away", [1e-3, 5e-2])
+    def test_a_hand_stays_free_that_neither_is_inside_nor_leaps_through(self, away, through):
+        """From side to side of a plate of 2 mm, in one step of all."""
+        plate = Scene(model=from_vertices([[-0.1, -1e-3], [0.1, -1e-3], [0.1, 1e-3], [-0.1, 1e-3]]))
+        height = np.full(10, 1e-3 + away)
+        if through is not None:
+            height[through + 1 :] *= -1.0
+        hip = np.column_stack([1e-3 * np.arange(10), height])
+        base = recorded(hip, meta={"source": "playback"})
+        assert Observed(base, plate).stays_free is (through is None)
+        assert not Observed(changed(base, meta={"source": "log"}), plate).stays_free
 
 
 def test_all_checks_read_one_object_that_finds_each_quantity_once_and_lets_nobody_write_to_it():

@@ -104,6 +104,14 @@ def test_a_latency_that_changes_from_tick_to_tick_is_no_lag():
     assert Observed(made, ROUND).lag == Lag(0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("lag", [0, 1, 3])
+def test_a_tool_that_is_late_in_free_space_is_found_so_late(lag):
+    along = 1e-3 * np.arange(40)
+    hip = np.column_stack([along + 1e-2 * np.sin(30.0 * along), np.full(40, 0.3) + along])
+    made = recorded(hip, hip[np.maximum(np.arange(40) - lag, 0)], np.zeros_like(hip), dt=DT)
+    assert Observed(made, ROUND).lag.ihip == pytest.approx(lag, abs=1e-3)
+
+
 def test_a_channel_that_was_not_recorded_has_none():
     recording = play(Spring(ROUND), slide(ROUND), DT, scene=ROUND)
     for name in ("ihip", "force"):
