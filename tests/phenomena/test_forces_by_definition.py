@@ -94,6 +94,18 @@ class TestStiffness:
         assert measured.allowed_in_lag[row] == pytest.approx(in_lag, rel=1e-3)
         assert measured.rate[row] == pytest.approx(sink / DT, rel=1e-6, abs=1e-12)
 
+    @pytest.mark.parametrize(
+        ("sink", "gain", "may"), [(5e-5, 0.95, False), (5e-5, 1.05, True), (-5e-5, 0.95, True), (-5e-5, 1.05, False)]
+    )
+    def test_a_damper_brakes_and_explains_no_force_that_speeds_up(self, sink, gain, may):
+        """It adds on the way in, and takes on the way out: at 50 mm/s and 2 N s/m, 0.1 N."""
+        scene = Scene(model=line(), stiffness=1000.0, mass=0.1, damping=2.0)
+        base = moving(scene, depth=6e-3, sink=sink, gain=gain, meta={"spring": "error"})
+        measured = stiffness_of(Observed(base, scene), Spring.ERROR)
+        row = 20
+        rounding = measured.allowed[row] * measured.depth[row] * 1000.0 - (0.1 if may else 0.0)
+        assert 0.0 < rounding < 0.01
+
     def test_the_curvature_may_make_what_it_calls_for_of_one_who_declares_no_spring(self):
         scene, base = round_circle()
         measured = stiffness_of(Observed(base, scene), Spring.ERROR)

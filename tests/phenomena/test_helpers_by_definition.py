@@ -54,6 +54,15 @@ def test_a_long_stretch_is_looked_at_in_parts_the_worst_first(begin):
     assert all(last - first < 4 for first, last in parts)
 
 
+@pytest.mark.parametrize("worst", [0, 3, 10, 18, 19])
+def test_a_part_is_as_long_as_may_be_wherever_the_worst_is(worst):
+    steps = np.full(20, 2.0)
+    steps[worst] = 5.0
+    first, last = next(suspect_stretches(steps, np.ones(20), 4))
+    assert last - first == 3
+    assert first <= worst <= last
+
+
 @given(limit=st.floats(0.0, 2.0), scale=st.floats(0.1, 2.0), ratio=st.floats(0.1, 0.9))
 def test_aitken_finds_the_limit_of_a_geometric_sequence(limit, scale, ratio):
     found = aitken(*(limit + scale * ratio**k for k in range(3)))

@@ -181,7 +181,7 @@ def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
         return undecided("the texture is at rest at the speed and force of the longest steady stretch")
     count = longest.vibration.size
     bound = spectrum_bound(count)
-    if bound > CLEAR_DECIBELS or count < 2 * WELCH_WINDOW:
+    if bound > CLEAR_DECIBELS:
         return undecided(
             f"the longest steady stretch has {count} samples: by chance its spectrum is off by {bound:.3g} dB, and "
             f"{CLEAR_DECIBELS:g} dB is to be told"
