@@ -361,8 +361,11 @@ def _time_of_change(rate: int, cell: Any, pieces: Array, flight: Flight, low: fl
 
 
 @compiled
-def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float]:
-    """Return the first time (s) within h at which the flight enters through the cell, and u there; else infinity."""
+def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load: Any) -> tuple[float, float, float]:
+    """Return the first time (s) within h at which the flight enters through the cell, else infinity; and where.
+
+    That is u, and how far (m) beyond the cell's ends it is.
+    """
     # Over a boundary that bends the other way from some place on the height is bent there: within a step once at most.
     bend = _time_of_change(2, cell, pieces, flight, 0.0, h, load)
     # Before the bend and behind it the height has at most one extremum each: between two cuts it rises or falls.
@@ -384,9 +387,9 @@ def _entry_through_cell(cell: Any, pieces: Array, flight: Flight, h: float, load
             _, _, _, u, overhang = _height_in_flight(cell, pieces, flight, entry_time, load)
             # through this cell, and not past its ends
             if -cell.reach_a <= overhang <= cell.reach_b:
-                return entry_time, u
+                return entry_time, u, abs(overhang)
         start, f = end, f_end
-    return math.inf, 0.0
+    return math.inf, 0.0, math.inf
 
 
 @compiled
@@ -411,7 +414,8 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, fre
     if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
         return math.inf, 0, 0.0
     # `room` is the gap to the nearest cell that the flight's box does not touch
-    room, first_time, first_piece, u = math.inf, math.inf, 0, 0.0
+    room, first_time, first_piece, u, least_overhang = math.inf, math.inf, 0, 0.0, math.inf
+    speed = max(math.sqrt(vx0 * vx0 + vy0 * vy0), math.sqrt(vx1 * vx1 + vy1 * vy1))
     for i in range(terrain.cells.shape[0]):
         cell = as_record(terrain.cells, CHORD_CELL, i)
         # the boxes are apart by at least this
@@ -420,9 +424,13 @@ def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Any, fre
             room = min(room, gap)
             continue
         room = 0.0
-        entry_time, entry_u = _entry_through_cell(cell, terrain.pieces, flight, h, load)
-        if entry_time < first_time:
-            first_time, first_piece, u = entry_time, int(cell.piece), entry_u
+        entry_time, entry_u, overhang = _entry_through_cell(cell, terrain.pieces, flight, h, load)
+        if entry_time == math.inf:
+            continue
+        # At a seam both cells are entered: the tool is on the one that does not end before it.
+        at_seam = abs(entry_time - first_time) * speed <= SEAM_REACH
+        if overhang < least_overhang if at_seam else entry_time < first_time:
+            first_time, first_piece, u, least_overhang = entry_time, int(cell.piece), entry_u, overhang
     # a cell was touched: no box is known to be free
     if room == 0.0:
         room = -math.inf

@@ -141,17 +141,30 @@ SYMMETRIES = [
 ]
 
 
+def test_where_two_cells_meet_a_tool_is_on_the_one_that_it_comes_to():
+    """Some pm beside the seam of a curve: mirrored, the parameter is at its other end."""
+    for aside in (1e-12, 3e-11, 4e-10):
+        for y in (aside, -aside):
+            experiment = pushed([0.125, y], [-1.0, 0.0], [[-1.0, 0.0], [-1.0, 0.0]], duration=0.026)
+            (impact,) = contact(cassinian()).simulate(experiment, DT).meta["events"]
+            assert impact["position"][1] == pytest.approx(y, rel=1e-3)
+
+
 @settings(max_examples=40)
 @given(st.data(), st.sampled_from(SYMMETRIES), st.sampled_from([0.0, 0.6]))
 def test_a_turned_or_mirrored_world_gives_the_turned_or_mirrored_motion(data, symmetry, restitution):
     _, moved = symmetry
     model, one = data.draw(experiments(models=symmetry[:1]))
     other = Experiment(one.duration, moved(one.position), moved(one.velocity), one.force_time, moved(one.force))
-    a, b = (contact(model, restitution=restitution).simulate(each, DT) for each in (one, other))
+    beside = Experiment(one.duration, np.add(one.position, [1e-12, 2e-12]), one.velocity, one.force_time, one.force)
+    a, b, c = (contact(model, restitution=restitution).simulate(each, DT) for each in (one, other, beside))
     # Up to the first event that rounding may decide: a bounce amplifies it, so compare the first few.
     end = np.inf if len(a.meta["events"]) < 4 else a.meta["events"][3]["time"]
     same = a.time < end
-    np.testing.assert_allclose(moved(a.hip)[same], b.hip[same], atol=1e-9)
+    # On a top the tool falls to a side ever faster, from rounding on: rounding is less than a hundredth of a picometre.
+    grown = np.linalg.norm(c.hip - a.hip, axis=1)
+    apart = np.linalg.norm(moved(a.hip) - b.hip, axis=1)
+    assert np.all(apart[same] <= 1e-9 + 1e-2 * grown[same])
 
 
 @settings(max_examples=30)
