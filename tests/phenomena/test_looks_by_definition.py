@@ -11,12 +11,13 @@ from made import FAIL, PASS, changed, found, recorded
 from scipy.signal import lti, step
 from test_helpers_by_definition import LINE, slide
 
-from hapticeval.geometry.catalogue import circle, line
+from hapticeval.geometry.catalogue import circle, from_vertices, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.checks.relations import relation_finding
 from hapticeval.phenomena.decisions import HOLD_TICKS
 from hapticeval.phenomena.inherent import nearest_jump
 from hapticeval.phenomena.measures.crossings import length_to_next_corner
+from hapticeval.phenomena.measures.jumps import with_steps_of_pieces
 from hapticeval.phenomena.measures.restated import answers_apart
 from hapticeval.phenomena.measures.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.observed import Observed
@@ -37,6 +38,40 @@ class TestContinuity:
         assert finding.outcome is PASS
         assert finding.bound == pytest.approx(3.0 * step + (stretch - 1.0) * 3.0 * step, rel=1e-3)
         assert finding.metric.value == pytest.approx(2.0 * 0.1 * math.sin(5e-4), rel=1e-6)
+
+
+class TestStepsOfPieces:
+    """Under an octagon of 0.1 m, from a corner to where a face is nearest to a hand 2 mm on, 1 mm deep."""
+
+    TURN = 2.0 * np.pi * np.arange(8) / 8.0
+    MODEL = from_vertices((0.1 * np.column_stack([np.cos(TURN), np.sin(TURN)])).tolist())
+    CORNER = np.array([0.1, 0.0])
+    ALONG = np.array([math.cos(0.625 * math.pi), math.sin(0.625 * math.pi)])
+    OUT = np.array([ALONG[1], -ALONG[0]])
+    BOUND = 1e-4
+
+    def raised(self, *, late=0, share=1.0, aside=0.0):
+        """Whether the step is raised by which the tool gets so much of the way in tick 6; the hand is there for one."""
+        rows = np.arange(10)[:, np.newaxis]
+        hip = np.where(rows != 6 - late, self.CORNER - [1e-3, 0.0], self.CORNER + 2e-3 * self.ALONG - 1e-3 * self.OUT)
+        ihip = np.where(rows < 6, self.CORNER, self.CORNER + share * 2e-3 * self.ALONG + aside * self.OUT)
+        base = Observed(recorded(hip, ihip), Scene(model=self.MODEL, stiffness=1000.0))
+        bounds = np.full(10, self.BOUND)
+        raised = with_steps_of_pieces(base, bounds, self.MODEL.boundary)
+        expected = np.where(np.arange(10) == 6, np.linalg.norm(ihip[6] - self.CORNER), self.BOUND)
+        assert np.array_equal(raised, expected) or np.array_equal(raised, bounds)
+        return not np.array_equal(raised, bounds)
+
+    @pytest.mark.parametrize(("late", "expected"), [(-1, False), (0, True), (1, True), (3, True), (4, False)])
+    def test_a_tool_slides_to_a_hand_of_up_to_three_ticks_ago(self, late, expected):
+        assert self.raised(late=late) is expected
+
+    @pytest.mark.parametrize(
+        ("share", "aside", "expected"),
+        [(0.5, 0.0, True), (1.0, 0.0, True), (-1.0, 0.0, False), (1.0, 1e-3, False), (2.0, 0.0, False)],
+    )
+    def test_it_may_end_on_the_way_and_not_off_it(self, share, aside, expected):
+        assert self.raised(share=share, aside=aside) is expected
 
 
 class TestCorners:
