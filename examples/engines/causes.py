@@ -95,6 +95,8 @@ BY_COLUMN: Mapping[str, Mapping[str, str]] = {
         "contact-kept": "Triangles have two sides: a tool that is through them stays inside, and holds the hand that "
         f"leaves. {FELT_BY_COUPLING}",
         "continuous-contact": f"At the start of a path {FREE_TOOL}",
+        "drift": "The solver ends early: with 500 iterations and no threshold a twentieth of it is left.",
+        "passivity": "In free space the hand feels the tool's inertia: where it slows down it gets energy back.",
     },
 }
 
