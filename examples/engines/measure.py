@@ -127,13 +127,14 @@ CHANGES = """\
 ## What to change
 
 - **Hold a tool, and do not ask for a depth.** A query forgets where the hand came from: it tunnels, and changes sides
-  under edges. A tool that is held passes both plates, and 6 of 8 edges where the hand is shown the contact alone
-  (`shown`).
+  under edges. A tool that is held stays in front of a plate that the hand presses. At 2 m/s that takes short steps
+  (`fine`) or a hull's margin. Where the hand is shown the contact alone it passes 6 of 8 edges (`shown`), or all of
+  them (`bullet-shown`).
 - **Make contact and time step short together.** A contact's time constant times the hand's speed is how far a tool
   gets: 2 ms at 2 m/s is 4 mm. `fine` holds 0.5 mm at any speed and push of the table.
 - **Show the hand the contact, not the tool.** A free tool's inertia and the coupling's damper are in most of what fails
-  in a coupled column. `shown` and `fcl-shown` mend every `force-magnitude` and `never-pulls`. They cost `contact-kept`:
-  the damper pulls the tool off the surface some 5 to 25 ticks before a hand that leaves is out.
+  in a coupled column. `shown`, `fcl-shown` and `bullet-shown` mend every `force-magnitude` and `never-pulls`. They cost
+  `contact-kept`: the damper pulls the tool off the surface some 5 to 25 ticks before a hand that leaves is out.
 - **Cut models that are not convex.** Two boxes for an L mend `field/in-a-notch`; what is left in
   `solids/l-block-notch` is the query's change of sides.
 - **Of FCL take convex bodies with few facets.** On plane faces depth and normal are right to 0.01 degrees; of 5,120
