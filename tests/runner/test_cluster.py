@@ -66,6 +66,7 @@ def test_verdicts_and_recordings_are_those_of_one_process(here, cluster):
 
 def test_a_search_with_several_seeds_finds_there_what_it_finds_here(here, cluster):
     asked = ["search", "-r", "noisy:Noisy", "--check", "contact-normal-force", "--model", "circle", "--examples", "3"]
+    asked += ["--seconds", "3600"]
     for name, options in {"there": ["--scheduler", cluster.address], "here": []}.items():
         assert main([*asked, "--seeds", "2", "-o", f"found-{name}", *options]) == 1
     found = [file for file in sorted(here.glob("found-here/*/*.*")) if file.suffix not in (".png", ".svg")]
@@ -80,10 +81,11 @@ def test_a_call_whose_worker_is_killed_is_made_again(cluster):
     with clusters.Cluster(time.sleep, cluster.address) as crew:
         for number in range(3):
             crew.begin(number, 1.0)
-            crew.answers(0.5)
+            # On a busy machine it may have ended by now.
+            answers = crew.answers(0.5)
             for pid in cluster.pids():
                 os.kill(pid, signal.SIGKILL)
-            assert crew.answers() == [Answer(number, None, None)]
+            assert (answers or crew.answers()) == [Answer(number, None, None)]
 
 
 def test_a_renderer_that_ends_its_process_ends_no_worker(here, cluster):

@@ -74,7 +74,8 @@ def test_verdicts_and_numbers_are_those_of_the_body_at_rest(name, kind, data):
             size = max(abs(still.finding.metric.value), model.size)
             # A share is a median: where the hand hardly moves rounding says whether a tick counts, and its neighbour is
             # in the middle then.
-            allowed = 1e-9 * size if still.finding.metric.unit else 1e-7
+            # The angle of a force that is some um deep is rounding too.
+            allowed = 1e-9 * size if still.finding.metric.unit in ("m", "N") else 1e-7
             assert moved.finding.metric.value == pytest.approx(still.finding.metric.value, abs=allowed)
     if rest.recording is not None:
         for channel in ("hip", "ihip", "force", "velocity"):
