@@ -64,7 +64,7 @@ def test_every_command_that_is_named_exists() -> None:
     assert {place for place in studies if place[1][1] not in PROGRAM.commands["study"].commands} == set()
 
 
-def test_what_make_is_named_to_make_is_a_rule_of_it() -> None:
+def test_every_rule_of_make_that_is_named_exists() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     rules = set(re.findall(r"^([a-z][a-z-]*):", makefile, re.MULTILINE))
     assert set(re.findall(r"^# make ([a-z-]+) ", makefile, re.MULTILINE)) <= rules

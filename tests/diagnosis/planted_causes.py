@@ -300,14 +300,14 @@ def with_coupled_tool(situation: Situation) -> Situation:
     return replace(situation, contact=contact)
 
 
-def _coupled(contact: RightContact, rng: np.random.Generator) -> Array:
+def _coupling_damper(contact: RightContact, rng: np.random.Generator) -> Array:
     damper: Array = rng.uniform(0.3, 5.0) * (contact.point_velocity - contact.velocity)
     return damper
 
 
 COUPLED_FAULTS: dict[str, Fault] = {
-    "coupling damping": _force_only(lambda f, c, r: f + _coupled(c, r)),
-    "gain + coupling damping": _force_only(lambda f, c, r: _factor(r) * f + _coupled(c, r)),
+    "coupling damping": _force_only(lambda f, c, r: f + _coupling_damper(c, r)),
+    "gain + coupling damping": _force_only(lambda f, c, r: _factor(r) * f + _coupling_damper(c, r)),
 }
 """Faults of tools that are tied to the hand, see `with_coupled_tool`. A log has no points of its tool."""
 

@@ -156,15 +156,11 @@ def test_a_turned_or_mirrored_world_gives_the_turned_or_mirrored_motion(data, sy
     _, moved = symmetry
     model, one = data.draw(experiments(models=symmetry[:1]))
     other = Experiment(one.duration, moved(one.position), moved(one.velocity), one.force_time, moved(one.force))
-    beside = Experiment(one.duration, np.add(one.position, [1e-12, 2e-12]), one.velocity, one.force_time, one.force)
-    a, b, c = (contact(model, restitution=restitution).simulate(each, DT) for each in (one, other, beside))
+    a, b = (contact(model, restitution=restitution).simulate(each, DT) for each in (one, other))
     # Up to the first event that rounding may decide: a bounce amplifies it, so compare the first few.
     end = np.inf if len(a.meta["events"]) < 4 else a.meta["events"][3]["time"]
     same = a.time < end
-    # On a top the tool falls to a side ever faster, from rounding on: rounding is less than a hundredth of a picometre.
-    grown = np.linalg.norm(c.hip - a.hip, axis=1)
-    apart = np.linalg.norm(moved(a.hip) - b.hip, axis=1)
-    assert np.all(apart[same] <= 1e-9 + 1e-2 * grown[same])
+    np.testing.assert_allclose(moved(a.hip)[same], b.hip[same], atol=1e-9)
 
 
 @settings(max_examples=30)
