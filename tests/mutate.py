@@ -9,6 +9,7 @@ First all tests run once, the recorded verdicts of whole suites among them, to s
 how long each takes; what is known of a file of tests stays known while the file is the same. Of each mutant those that
 reach its line run then, the shortest first, until one fails: the mutant is killed. What survives is a test that is
 missing, or a mutant that computes the same: these stand in `survivors.toml` with the reason why, and are not counted.
+What checks measure is compared too, as by `make measures`, so that a number of a message or of the evidence counts.
 Only the tests of the first `SECONDS` run: what longer ones alone would kill survives as well.
 
 With `--without` mutants are of the lines alone that the tests of these files, or these tests, are known to reach. Each
@@ -750,5 +751,6 @@ def main(arguments: list[str]) -> int:
 if __name__ == "__main__":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MPLBACKEND", "Agg")
+    os.environ.setdefault("HAPTICEVAL_MEASURES", "1")
     os.chdir(ROOT)
     sys.exit(main(sys.argv[1:]))
