@@ -210,6 +210,7 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
         if candidate_squared < best:
             best, nearest = candidate_squared, i
     best, best_u = math.sqrt(best), float(as_record(samples, SAMPLE, nearest).u)
+    first_u, tie = as_record(samples, SAMPLE, 0).u, TIE_ROUNDING * (abs(x) + abs(y) + best)
     block_end_squared = _row_distance_squared(samples, 0, x, y)
     for start in range(0, count, BLOCK_ROWS):
         end = min(start + BLOCK_ROWS, count)
@@ -227,7 +228,10 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
             if _out_of_reach(previous_squared, distance_squared, next_sample.s - sample.s, best):
                 continue
             u, candidate_squared = _interval_minimum(piece, samples, i, x, y)
-            if candidate_squared < best * best:
+            # a row close to the foot is as near, to rounding, and not the foot
+            is_end = best_u == sample.u or best_u == next_sample.u or (i + 1 == count and best_u == first_u)
+            limit = best + tie if is_end else best
+            if candidate_squared < limit * limit:
                 best, best_u = math.sqrt(candidate_squared), u
     return best_u
 

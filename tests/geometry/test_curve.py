@@ -235,6 +235,15 @@ class TestNearest:
         point = curve.position(u) + n * curve.normal(u)
         assert curve.position(curve.nearest([point])[0]) == pytest.approx(curve.position(u), abs=1e-15)
 
+    @pytest.mark.parametrize("beside", [1e-13, -1e-13, 1.6e-11, -1.6e-11, 1e-10, -1e-10, 1e-9])
+    def test_beside_a_row_of_the_table_the_foot_keeps_its_digits(self, beside):
+        """The row is farther than the foot by less than rounding, and is not taken for it."""
+        curve = cassinian(size=2.0).curve
+        us = np.mod(curve.samples[:-1, 0] + beside, 2.0 * np.pi)
+        points = curve.position(us) + np.array([[-0.02], [0.075]])[:, np.newaxis] * curve.normal(us)
+        for each in points:
+            np.testing.assert_allclose(curve.position(curve.nearest(each)), curve.position(us), rtol=0.0, atol=4e-15)
+
     def test_near_the_osculating_centre_where_minima_merge(self):
         """Around the end of the medial axis one minimum turns into two, closer together than any sampling."""
         curve = cassinian().curve
