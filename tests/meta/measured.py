@@ -81,9 +81,9 @@ class Row(NamedTuple):
 
 
 def flattened(name: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of evidence, by names that say where they are."""
+    """Yield the numbers of evidence, by names that say where they are, without spaces."""
     if isinstance(value, int | float):
-        yield name, float(value)
+        yield "-".join(name.split()), float(value)
     elif isinstance(value, Mapping):
         for key, inner in value.items():
             yield from flattened(f"{name}.{key}", inner)
@@ -124,7 +124,9 @@ def compare(suite: str, renderer: str, findings: Mapping[tuple[str, str], Findin
         return
     rows = {Place(suite, renderer, *place): row_of(finding) for place, finding in findings.items()}
     if publishing():
-        publish({place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC})
+        told = {place: row for place, row in rows.items() if row.tells and place.check != CHAOTIC}
+        withdraw(rows.keys() - told.keys())
+        publish(told)
     for place, row in rows.items():
         agree(place, row, CLOSE, ROUNDING)
 
@@ -195,8 +197,8 @@ def watched(test: str) -> Iterator[None]:
             if publishing() and is_wanted(place, row):
                 if 0 < len(row.numbers) < MOST_NUMBERS and call.is_sound(row, seed):
                     publish({place: row})
-                elif recorded().pop(place, None) is not None:
-                    write(recorded().items())  # it tells nothing any more
+                else:
+                    withdraw([place])
             agree(place, row, EXACT, TINY)
             assert place not in recorded() or row.kind == recorded()[place].kind, f"{place}: other words"
 
@@ -216,6 +218,14 @@ def publish(rows: Mapping[Place, Row]) -> None:
         if is_wanted(place, row):
             table[place] = row
     write(table.items())
+
+
+def withdraw(places: Iterable[Place]) -> None:
+    """Take out of the table what is recorded at places that tell nothing any more."""
+    table = recorded()
+    gone = [place for place in places if table.pop(place, None) is not None]
+    if gone:
+        write(table.items())
 
 
 def write(table: Iterable[tuple[Place, Row]]) -> None:
