@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from hapticeval.geometry.boundary import Boundary
@@ -113,7 +114,7 @@ class RightContact:
         force_steps = np.linalg.norm(np.diff(self.force, axis=0, prepend=self.force[:1]), axis=1)
         smallest = steps[steps > STILL].min(initial=float(steps.max()))
         leaps = force_steps > LEAP * self.stiffness * (steps + smallest)
-        near_leap = np.convolve(leaps, np.ones(2 * LEAP_TICKS + 1), mode="same") > 0.0
+        near_leap = binary_dilation(leaps, np.ones(2 * LEAP_TICKS + 1))
         # A path that leaps all the time tells what it does.
         return np.asarray(~near_leap if np.mean(near_leap) < MOST_LEAPING else np.ones(len(steps), dtype=bool))
 
@@ -154,9 +155,11 @@ def right_contact(
     m/s, it is fitted to the hand, as encoders ask for.
     """
     if velocity is None:
-        step = float((time[-1] - time[0]) / (len(time) - 1))
         rows = min(SMOOTHED_ROWS, 2 * (len(hip) // 4) + 1)
-        velocity = savgol_filter(hip, rows, 2, deriv=1, delta=step, axis=0) if rows > 2 else np.zeros_like(hip)
+        velocity = np.zeros_like(hip)
+        if rows > 2:
+            step = float((time[-1] - time[0]) / (len(time) - 1))
+            velocity = savgol_filter(hip, rows, 2, deriv=1, delta=step, axis=0)
     if boundary is None:
         assert points is not None, "a tool is led on a boundary"
         point, normal_outside, distance = points, np.zeros_like(hip), np.zeros(len(hip))

@@ -134,7 +134,8 @@ def diagnose(
         return Diagnosis(True, "force")
     scale = max(power(right_force), 1e-30)
     too_few = np.count_nonzero(contact.touches) < FEWEST_TOUCHING
-    if too_few and not (noisy and boundary is not None):
+    # Of one row not even the sampling time is known.
+    if len(force) == 1 or (too_few and not (noisy and boundary is not None)):
         return Diagnosis(False)
     counted = contact.told if noisy else np.ones(len(force), dtype=bool)
     count = int(np.count_nonzero(counted))

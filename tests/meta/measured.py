@@ -152,11 +152,13 @@ class Call(NamedTuple):
     seconds: float
 
     def row(self, seed: int | None = None, change: Callable[[Runs], Runs] = lambda runs: runs) -> Row:
-        """Return what the check finds, shaken by a seed and changed; nothing where a shake leaves what it refuses."""
-        if seed is None:
-            return row_of(self.check(change(self.runs), self.scene))
+        """Return what the check finds, shaken by a seed and changed; nothing where it refuses what a shake leaves.
+
+        So it may what a test asked of it with a part of it replaced.
+        """
         try:
-            return row_of(self.check(change(shaken(self.runs, self.scene, seed)), self.scene))
+            runs = self.runs if seed is None else shaken(self.runs, self.scene, seed)
+            return row_of(self.check(change(runs), self.scene))
         except (InputError, ValueError):  # a channel that it reads is missing, or siblings do not fit each other
             return Row("", {})
 

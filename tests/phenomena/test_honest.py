@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import honest
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from made import recorded
 
 from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
@@ -91,3 +95,24 @@ def test_the_same_path_gets_the_same_verdict_at_any_speed(duration):
     wrong = type(right)(right.time, {**right.channels, "force": turned}, right.meta)
     assert CHECKS["contact-normal-force"](Runs(right), scene).outcome is Outcome.PASS
     assert CHECKS["contact-normal-force"](Runs(wrong), scene).outcome is Outcome.FAIL
+
+
+@settings(max_examples=40)
+@example(rows=4, seed=0, source="playback", off=True)
+@example(rows=1, seed=0, source=None, off=True)
+@given(
+    rows=st.integers(1, 8),
+    seed=st.integers(0, 2**32 - 1),
+    source=st.sampled_from(["playback", "experiment", None]),
+    off=st.booleans(),
+)
+def test_a_recording_of_a_few_rows_is_judged_or_refused(rows, seed, source, off):
+    """Fewer rows than any window of ticks: nothing is looked up beyond them, whatever the answers are."""
+    rng = np.random.default_rng(seed)
+    hip = np.column_stack([np.linspace(0.0, 0.01, rows), rng.uniform(-4e-3, 2e-3, rows)])
+    ihip = np.column_stack([hip[:, 0], np.maximum(hip[:, 1], 0.0)]) + off * rng.normal(0.0, 1e-3, (rows, 2))
+    force = rng.uniform(0.0, 2.0, (rows, 1)) * 1000.0 * (ihip - hip)
+    base = recorded(hip, ihip, force, meta={} if source is None else {"source": source})
+    for check in CHECKS.values():
+        with suppress(InputError):
+            assert check(Runs(base), Scene(model=line())).outcome in Outcome

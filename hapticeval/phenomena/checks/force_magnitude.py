@@ -308,7 +308,7 @@ def _worst_with_lag(base: Observed, pairs: _Pairs, lag: float) -> TwoForces | No
     off = np.zeros(len(base))
     off[rows] = difference > allowed
     # So many of twice as many rows, one after the other.
-    many = np.convolve(off, np.ones(2 * TWO_FORCES_ROWS), mode="same") >= TWO_FORCES_ROWS
+    many = np.convolve(off, np.ones(2 * TWO_FORCES_ROWS))[TWO_FORCES_ROWS - 1 :] >= TWO_FORCES_ROWS
     excess = np.where(many[rows], difference - allowed, -np.inf)
     worst = worst_row(excess)
     if not excess[worst] > 0.0:

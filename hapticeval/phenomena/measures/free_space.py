@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, distance_between
 from hapticeval.phenomena.decisions import FINEST_GRAIN, LAG_TICKS, MOST_FLIGHTS
+from hapticeval.phenomena.lag import largest_in_lag
 from hapticeval.phenomena.measures.closed_paths import running_sums
 from hapticeval.phenomena.observed import Observed
 from hapticeval.phenomena.sampling import lengths_of
@@ -77,7 +78,7 @@ def find_felt_in_free_space(base: Observed) -> BoolArray:
         if off_surface[end - 1]:
             is_open[begin:end] = False
     # What is late outlasts a contact by three ticks, or is three ahead of one.
-    settled = np.convolve(barred | (felt & (distance <= 0.0)), np.ones(2 * LAG_TICKS + 1), mode="same") > 0.0
+    settled = largest_in_lag((barred | (felt & (distance <= 0.0))).astype(float)) > 0.0
     return pushed | (is_open & ~settled) | _begun_outside(base, felt, outside, distance > allowed, grain)
 
 
