@@ -23,6 +23,7 @@ from hapticeval.phenomena.measures.lugre_force import lugre_force
 from hapticeval.phenomena.measures.stiffness import (
     ApparentStiffness,
     find_pressed_ticks,
+    force_coarseness,
     largest_other_force,
     measure_stiffness,
 )
@@ -126,6 +127,15 @@ class TestStiffness:
         rounding = 4.0 * SINGLE * (np.abs(base.hip).max() + 2e-3)
         measured = stiffness_of(Observed(base, LINE), Spring.ERROR)
         assert measured.allowed[20] == pytest.approx((coarse + 1000.0 * rounding) / 2.0, rel=1e-6)
+
+    @pytest.mark.parametrize(("every", "coarse"), [(2, 0.01), (1, 0.0)])
+    def test_a_force_that_stands_is_as_coarse_as_its_least_change(self, every, coarse):
+        """One that changes in every tick is not; neither lies on a lattice."""
+        ticks = np.arange(COUNT)
+        changes = np.where(ticks % every, 0.0, 0.01 * np.sqrt(1.0 + ticks / 7.0))
+        force = np.outer(1.5 + np.cumsum(changes), [0.0, 1.0])
+        base = changed(moving(LINE), force=force, meta={"spring": "error", "force_resolution": 1.0})
+        assert force_coarseness(Observed(base, LINE)) == pytest.approx(coarse and changes[every])
 
     def test_a_log_is_as_coarse_as_half_the_steps_of_its_numbers(self):
         """Steps of 10 mm of the depth and so of 10 N, and of 0.1 mm along the line."""

@@ -14,6 +14,7 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.recordings import hdf5
 from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
+from hapticeval.recordings.memory import limited
 from hapticeval.recordings.provenance import describe_losses
 from hapticeval.recordings.recording import Recording
 
@@ -197,6 +198,18 @@ def test_a_flipped_byte_is_located_and_costs_its_block_of_that_signal(refused, p
     assert np.flatnonzero(~recording.valid).tolist() == [5, *range(16, 32)]
     assert np.isnan(recording.force[16:32]).all()
     assert_from(recording, real())
+
+
+@pytest.mark.parametrize("name", ["nanoseconds", "sequence", "valid", "channels/force"])
+def test_a_shape_that_states_more_than_memory_holds_is_refused_whosever_it_is(path, name):
+    with h5py.File(path, "r+") as file:
+        kept = file[name]
+        attributes, dtype = dict(kept.attrs), kept.dtype
+        del file[name]
+        huge = file.create_dataset(name, shape=(30_000_000, *kept.shape[1:]), dtype=dtype, chunks=True)
+        huge.attrs.update(attributes)
+    with limited(0.01), pytest.raises(InputError, match="would take"):
+        read_recording(path)
 
 
 def test_rows_without_stamps_are_left_out(path):

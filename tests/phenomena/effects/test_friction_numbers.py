@@ -68,6 +68,17 @@ class TestBreakAway:
             parts = surface_force_of(Observed(base, SCENE))
             assert break_away_ticks(Observed(there, scene), parts, 0.6 * 0.3).tolist() == ticks
 
+    def test_what_is_open_is_a_share_of_what_holds_in_the_tick_before(self):
+        """2 K |dx| + mu_s |dF_n| of mu_s F_n, of a press of 2 N that grows with the slip; the rest is rounding."""
+        for more in (0.0, 0.02):
+            base = self.ends_with(1e-3, normal=np.where(np.arange(16) < 13, 2.0, 2.0 + more))
+            finding = asked(friction.judge_break_away, base)
+            steps = np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
+            # Of the ticks within three of the slip, and the one before: the foot slips, and not the hand.
+            open_ = 2.0 * 1000.0 * steps[8:].max() + 0.5 * more
+            assert finding.evidence["tick"] == 13
+            assert finding.bound * 0.5 * 2.0 == pytest.approx(open_, rel=1e-5)
+
     def test_a_slip_while_the_press_changes_by_more_than_it_is_known_from_decides_nothing(self):
         even, pressed_on = (self.ends_with(1e-3, normal=np.where(np.arange(16) < 13, 2.0, later)) for later in (2, 3))
         stays = [*range(16), *[15] * 6]  # the way from one to the other is not near a slip

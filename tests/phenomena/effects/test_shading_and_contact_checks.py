@@ -120,6 +120,17 @@ def test_who_answers_a_contact_may_know_the_speed_of_the_tick_after_and_of_none_
     assert struck.speed == pytest.approx(speed[4 + known])
 
 
+@pytest.mark.parametrize(("late", "granted"), [(0, 1), (2, 3), (4, 5), (5, 1)])
+def test_what_a_contact_starts_may_be_as_late_as_its_force_and_a_tick_more(late, granted):
+    """Up to the three ticks of a lag and the one in which it begins; a later force is another contact's."""
+    hip = np.column_stack([np.zeros(12), 1e-4 * (3.5 - np.arange(12))])
+    force = 1000.0 * np.where(np.arange(12)[:, np.newaxis] >= 4 + late, np.maximum(-hip, 0.0), 0.0)
+    plain = recorded(hip, np.where(hip > 0.0, hip, 0.0), force, velocity=np.gradient(hip, 1e-3, axis=0))
+    scene = Scene(model=make_model("line"), effects=(ContactImpulse(),), mass=0.1)
+    (struck,) = find_contacts(Observed(plain, scene), Observed(plain, scene), ContactImpulse())
+    assert (struck.begin, struck.granted) == (4, granted)
+
+
 def test_an_impulse_is_told_in_its_unit():
     """The tool's 0.1 kg at 0.2 m/s, stopped by 10 N at the most: 20 mN s."""
     finding = judged((ContactImpulse(cap=10.0),), [[0.0, 0.0051], [0.0, -0.0149]], 0.1)("transient-impulse")
