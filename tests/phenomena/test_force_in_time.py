@@ -85,6 +85,13 @@ def test_no_other_force_is_called_for_along_a_face_nor_where_the_tool_goes_along
     assert outcome("update-rate", along, LINE) is UNDECIDED, "rightly constant is not stale"
 
 
+def test_a_tool_that_goes_along_calls_for_none_though_it_was_free_before():
+    follows = sinking(TICKS, follows=True)
+    free_first = np.where(TICKS[:, np.newaxis] < 5, follows.hip, follows.ihip)
+    calls = calls_for_another_force(Observed(changed(follows, ihip=free_first), LINE))
+    assert np.flatnonzero(calls).tolist() == [5]
+
+
 @pytest.mark.parametrize(("every", "expected"), [(1, PASS), (2, FAIL), (3, FAIL), (16, FAIL)])
 def test_a_force_stands_for_the_ticks_until_it_is_renewed(every, expected):
     finding = found("update-rate", sinking(TICKS // every * every), LINE)

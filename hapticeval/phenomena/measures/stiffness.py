@@ -38,11 +38,6 @@ class ApparentStiffness:
     rate: Array
     begins: BoolArray
 
-    @property
-    def excess(self) -> Array:
-        """Return how far a share is from one, beyond what is allowed: (n,)."""
-        return self.beyond((1.0, 1.0), self.allowed)
-
     def beyond(self, shares: tuple[float, float], allowed: Array) -> Array:
         """Return how far a share is outside of a least and a largest one, beyond what is `allowed` (n,): (n,).
 
