@@ -660,3 +660,30 @@ def test_a_spring_written_with_few_digits_is_still_one(digits):
     run = Recording(1e-3 * np.arange(500), kept)
     assert inverse_checks(run, stiffness=800.0)[0].issues == ()
     assert digits == 4 or inverse_checks(run, stiffness=792.0)[0].issues
+
+
+@settings(max_examples=60)
+@example(rows=1, measured=1, gain=1.5, off=3e-4, seed=0)
+@given(
+    rows=st.integers(1, 12),
+    measured=st.integers(1, 12),
+    gain=st.sampled_from([1.0, 1.5]),
+    off=st.sampled_from([0.0, 3e-4]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_what_is_off_is_found_in_a_few_rows_too_wherever_they_are(rows, measured, gain, off, seed):
+    """Fewer than any lag or window, or rows of which few are measurements; of one all that is said is what it says."""
+    random = np.random.default_rng(seed)
+    stamps, channels = parts(int(random.integers(3)), quantised=False)
+    channels["ihip"] += off
+    channels["force"] = gain * STIFFNESS * (channels["ihip"] - channels["hip"])
+    first = int(random.integers(ROWS - rows))
+    part = slice(first, first + rows)
+    valid = random.permutation(rows) < measured
+    run = recording(stamps[part], {name: values[part] for name, values in channels.items()}, valid=valid)
+    report = full(run)
+    found = {check.name: bool(check.issues) for check in report.checks}
+    assert found["spring"] is (gain != 1.0)
+    assert found["surface"] is (off > 0.0)
+    for each in sound_intervals(run, report).sound:
+        assert 0 <= each.first < each.end <= rows
