@@ -417,7 +417,7 @@ def limits(deviation: Deviation) -> Iterator[Cause]:
 
     level = fit_level(dot_rows(force, unit_rows(right_force)), size)
     if level < 0.9999 * size.max():
-        model = right_force * np.minimum(1.0, level / np.maximum(size, 1e-300))[:, None]
+        model = right_force * np.divide(level, size, out=np.ones_like(size), where=size > level)[:, None]
         yield Cause("limit", f"the force never exceeds {text(level)} N", left_by(model), 1.0, {"newtons": level})
     level = fit_level((force * np.sign(right_force)).ravel(), np.abs(right_force).ravel())
     if level < 0.9999 * np.abs(right_force).max():

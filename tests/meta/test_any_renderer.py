@@ -156,6 +156,18 @@ BEYOND_SINGLE = {"attributes": {}, "shift": 3.4028235677973472e38, "until": 109,
 
 
 @example(
+    traits={
+        "kind": "tuple",
+        "lag": 4,
+        "every": 14,
+        "factor": 5287454.0,
+        **BEYOND_SINGLE,
+        "shift": 127129.0,
+        "until": 22,
+    },
+    judged=led({"kind": "circle"}, [[0.059, 0.102], [0.0, 0.0]], 0.02),
+)
+@example(
     traits={"kind": "tuple", "lag": 0, "every": 8, "factor": 0.0, **BEYOND_SINGLE},
     judged=led({"kind": "circle"}, [[0.0, 0.0], [0.0, 0.027]], 0.02),
 )
