@@ -597,7 +597,7 @@ def spikes(deviation: Deviation) -> Iterator[Cause]:
         return
     starts = np.flatnonzero(np.diff(off.astype(int), prepend=0) == 1)
     changes = np.diff(contact.touches.astype(int), prepend=int(contact.touches[0])) != 0
-    near_change = binary_dilation(changes, np.ones(2 * SPIKE_TICKS + 1))
+    near_change = binary_dilation(changes, np.ones(2 * SPIKE_TICKS + 1, dtype=np.bool_))
     size, worst = text(float(residual.max())), int(np.argmax(residual))
     silent = np.linalg.norm(deviation.force[off], axis=1).max() == 0.0
     what = "the force is missing" if silent else f"the force is off by up to {size} N"

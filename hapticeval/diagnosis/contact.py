@@ -114,7 +114,7 @@ class RightContact:
         force_steps = np.linalg.norm(np.diff(self.force, axis=0, prepend=self.force[:1]), axis=1)
         smallest = steps[steps > STILL].min(initial=float(steps.max()))
         leaps = force_steps > LEAP * self.stiffness * (steps + smallest)
-        near_leap = binary_dilation(leaps, np.ones(2 * LEAP_TICKS + 1))
+        near_leap = binary_dilation(leaps, np.ones(2 * LEAP_TICKS + 1, dtype=np.bool_))
         # A path that leaps all the time tells what it does.
         return np.asarray(~near_leap if np.mean(near_leap) < MOST_LEAPING else np.ones(len(steps), dtype=bool))
 
