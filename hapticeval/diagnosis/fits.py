@@ -319,6 +319,6 @@ def rounding_variance(channel: Array) -> float:
     """
     steps = np.abs(np.diff(channel, axis=0))
     quanta = [
-        column[column > 1e-15].min() for column in steps.T if (column > 1e-15).any() and np.mean(column == 0.0) > 0.2
+        column[column > 1e-15].min() for column in steps.T if np.mean(column == 0.0) > 0.2 and (column > 1e-15).any()
     ]
     return float(sum(np.square(quanta)) / 12.0)

@@ -228,9 +228,10 @@ def nearest_on_smooth(piece: Array, samples: Array, x: float, y: float) -> float
             if _out_of_reach(previous_squared, distance_squared, next_sample.s - sample.s, best):
                 continue
             u, candidate_squared = _interval_minimum(piece, samples, i, x, y)
-            # a row close to the foot is as near, to rounding, and not the foot
-            is_end = best_u == sample.u or best_u == next_sample.u or (i + 1 == count and best_u == first_u)
-            limit = best + tie if is_end else best
+            # the minimum within an interval wins a tie against a row at its end, which is as near to rounding;
+            # the last row is the first, once round
+            end_is_best = best_u == sample.u or best_u == next_sample.u or (i + 1 == count and best_u == first_u)
+            limit = best + tie if end_is_best else best
             if candidate_squared < limit * limit:
                 best, best_u = math.sqrt(candidate_squared), u
     return best_u

@@ -37,7 +37,6 @@ def test_a_damper_that_pulls_is_named_and_one_that_is_clipped_does_not(damping, 
     assert finding.outcome is expected, finding.message
     assert ("leaves at" in finding.message) is (expected is FAIL)
     assert finding.evidence.get("cause") == ("leaving" if expected is FAIL else None)
-    assert finding.evidence.get("cause") == ("leaving" if expected is FAIL else None)
 
 
 @pytest.mark.parametrize(("asked", "expected"), [(5.0, PASS), (0.0, FAIL)])

@@ -201,7 +201,7 @@ def test_a_flipped_byte_is_located_and_costs_its_block_of_that_signal(refused, p
 
 
 @pytest.mark.parametrize("name", ["nanoseconds", "sequence", "valid", "channels/force"])
-def test_a_shape_that_states_more_than_memory_holds_is_refused_whosever_it_is(path, name):
+def test_a_dataset_that_states_more_rows_than_memory_holds_is_refused(path, name):
     with h5py.File(path, "r+") as file:
         kept = file[name]
         attributes, dtype = dict(kept.attrs), kept.dtype

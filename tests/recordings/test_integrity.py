@@ -672,7 +672,7 @@ def test_a_spring_written_with_few_digits_is_still_one(digits):
     seed=st.integers(0, 2**32 - 1),
 )
 def test_what_is_off_is_found_in_a_few_rows_too_wherever_they_are(rows, measured, gain, off, seed):
-    """Fewer than any lag or window, or rows of which few are measurements; of one all that is said is what it says."""
+    """There are fewer rows than any lag or window has, or few of them are valid."""
     random = np.random.default_rng(seed)
     stamps, channels = parts(int(random.integers(3)), quantised=False)
     channels["ihip"] += off

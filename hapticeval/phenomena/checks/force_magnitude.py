@@ -307,7 +307,7 @@ def _worst_with_lag(base: Observed, pairs: _Pairs, lag: float) -> TwoForces | No
         allowed += force_coarseness(run)
     off = np.zeros(len(base))
     off[rows] = difference > allowed
-    # So many of twice as many rows, one after the other.
+    # So many of twice as many rows, one after the other; the whole convolution, from the first row's window on.
     many = np.convolve(off, np.ones(2 * TWO_FORCES_ROWS))[TWO_FORCES_ROWS - 1 :] >= TWO_FORCES_ROWS
     excess = np.where(many[rows], difference - allowed, -np.inf)
     worst = worst_row(excess)

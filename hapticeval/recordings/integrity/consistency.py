@@ -154,13 +154,13 @@ def _at_some_lag(
     """Make a check of the force at the least lag at which it holds, up to `LAG_TICKS`; as it is where there is none."""
     as_logged = check = check_of(recording, rows)
     for lag in range(1, LAG_TICKS + 1):
-        kept = rows[rows < len(recording) - lag]
-        # Fewer rows than it is late by tell no lag.
-        if not check.issues or kept.size < lag:
+        # Those whose late force is in the recording too; fewer of them than the lag has rows tell no lag.
+        answered_rows = rows[rows < len(recording) - lag]
+        if not check.issues or answered_rows.size < lag:
             break
         force = np.concatenate([recording.force[lag:], np.repeat(recording.force[-1:], lag, axis=0)])
         earlier = recording.with_channels(force=force)
-        check = check_of(earlier, kept)
+        check = check_of(earlier, answered_rows)
         check = replace(check, notes=(*check.notes, f"the force is {plural(lag, 'row')} late"))
     return as_logged if check.issues else check
 
